@@ -1,0 +1,1 @@
+"""From echoes to loop closures: sonar geometry, inversion, submaps, features, matching, verification."""

@@ -1,0 +1,64 @@
+"""A submap: the seafloor of one window of pings, in its own level frame."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from frontend.arrays import BoolArray, FloatArray
+from frontend.heightfield import Heightfield
+
+
+@dataclass(frozen=True)
+class Submap:
+    """The reconstructed seafloor of one window.
+
+    The frame is level: origin at the body of the anchor ping, x along the heading, z up. All rasters share the grid of
+    ``surface``; cells that no ping has seen are NaN.
+
+    Parameters
+    ----------
+    number : int
+        Position in the dive.
+    first_ping, end_ping : int
+        The window: pings ``first_ping <= i < end_ping`` of the recording.
+    anchor_ping : int
+        The reference ping; its body is the frame's origin.
+    anchor_time : float
+        Time of the anchor ping [s since 1970 UTC].
+    T_world_submap_dr : ndarray, shape (4, 4)
+        The frame in the world as dead reckoning has it.
+    T_submap_body : ndarray, shape (4, 4)
+        The anchor's body in the level frame: roll and pitch, no shift.
+    surface : Heightfield
+        Heights in the submap frame [m].
+    sigma : ndarray, shape (n_y, n_x)
+        Standard deviation of the heights [m].
+    log_reflectivity : ndarray, shape (n_y, n_x)
+        Natural logarithm of the reflectivity against the dive's mean.
+    is_shadow : ndarray of bool, shape (n_y, n_x)
+        Cells that no ping of the window sees directly.
+    """
+
+    number: int
+    first_ping: int
+    end_ping: int
+    anchor_ping: int
+    anchor_time: float
+    T_world_submap_dr: FloatArray
+    T_submap_body: FloatArray
+    surface: Heightfield
+    sigma: FloatArray
+    log_reflectivity: FloatArray
+    is_shadow: BoolArray
+
+    @cached_property
+    def is_known(self) -> BoolArray:
+        """Shape (n_y, n_x): cells that have a height."""
+        return np.isfinite(self.surface.z)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Shape (K, 3): known cells as points in the submap frame [m], row by row."""
+        x, y = np.meshgrid(self.surface.x, self.surface.y)
+        return np.stack([x, y, self.surface.z], axis=-1)[self.is_known]

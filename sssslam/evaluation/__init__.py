@@ -1,0 +1,1 @@
+"""Metrics with units: reconstruction, loop closures, trajectory."""

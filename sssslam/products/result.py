@@ -1,0 +1,50 @@
+"""What a run gives back."""
+
+from dataclasses import dataclass, field
+
+from backend.pose_graph import PoseGraphSolution
+from frontend.arrays import FloatArray
+from frontend.loop_closures import LoopClosure
+from frontend.recording import Recording
+from frontend.submaps import Submap
+from frontend.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Result:
+    """The corrected track, the map and how they came about.
+
+    Parameters
+    ----------
+    recording : Recording
+        What went in.
+    config : dict
+        The resolved configuration, sections of keys.
+    trajectory : Trajectory
+        The corrected body poses, one a ping.
+    sigmas : ndarray, shape (N, 4)
+        Standard deviations of x, y, z [m] and yaw [rad], one row a ping.
+    submaps : tuple of Submap
+        The submaps, numbered from 0.
+    T_world_submap : ndarray, shape (S, 4, 4)
+        Their level frames in the world after correction.
+    loop_closures : tuple of LoopClosure
+        Every candidate, accepted or not.
+    solution : PoseGraphSolution
+        The pose graph behind the trajectory.
+    timings : dict of str to float
+        Seconds of wall time, one entry a stage in running order.
+    notes : tuple of str
+        What was chosen or found suspicious, a sentence each.
+    """
+
+    recording: Recording
+    config: dict[str, object]
+    trajectory: Trajectory
+    sigmas: FloatArray
+    submaps: tuple[Submap, ...]
+    T_world_submap: FloatArray
+    loop_closures: tuple[LoopClosure, ...]
+    solution: PoseGraphSolution
+    timings: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

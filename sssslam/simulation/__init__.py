@@ -1,0 +1,1 @@
+"""Recordings with truth: terrain, vehicle, sonar, drift."""
