@@ -62,3 +62,53 @@ class Submap:
         """Shape (K, 3): known cells as points in the submap frame [m], row by row."""
         x, y = np.meshgrid(self.surface.x, self.surface.y)
         return np.stack([x, y, self.surface.z], axis=-1)[self.is_known]
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Shape (K, 3): upward unit normals of `points`."""
+        return surface_normals(self.surface)[self.is_known]
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """Shape (K,): standard deviations of the heights of `points` [m]."""
+        return self.sigma[self.is_known]
+
+    @property
+    def shadow(self) -> BoolArray:
+        """Shape (K,): which of `points` no ping of the window sees directly."""
+        return self.is_shadow[self.is_known]
+
+    @property
+    def reflectivity(self) -> FloatArray:
+        """Shape (K,): natural logarithm of the reflectivity at `points`."""
+        return self.log_reflectivity[self.is_known]
+
+
+def surface_normals(surface: Heightfield) -> FloatArray:
+    """Upward unit normals of a heightfield.
+
+    Parameters
+    ----------
+    surface : Heightfield
+        Heights [m]; NaN where unknown.
+
+    Returns
+    -------
+    normals : ndarray, shape (n_y, n_x, 3)
+        Unit normals with a positive z; NaN where the height is unknown. Beside an unknown cell the slope is one-sided,
+        and zero where neither neighbour is known.
+    """
+    slope_y, slope_x = (_slope(surface.z, surface.spacing, axis) for axis in (0, 1))
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(surface.z)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[~np.isfinite(surface.z)] = np.nan
+    return normals
+
+
+def _slope(z: FloatArray, spacing: float, axis: int) -> FloatArray:
+    """Mean of the forward and backward difference quotients that are known, else 0."""
+    step = np.diff(z, axis=axis) / spacing
+    edge = np.full_like(np.take(z, [0], axis=axis), np.nan)
+    both = np.stack([np.concatenate([step, edge], axis=axis), np.concatenate([edge, step], axis=axis)])
+    known = np.isfinite(both)
+    return np.asarray(np.where(known, both, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))

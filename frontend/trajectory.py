@@ -58,6 +58,22 @@ class Trajectory:
         x, y, z = T[:, :3, 3].T
         return cls(np.asarray(time, dtype=np.float64), x, y, z, *attitude_from_rotation(T[:, :3, :3]))
 
+    def joined(self, later: Self) -> Self:
+        """This trajectory and the one after it.
+
+        Parameters
+        ----------
+        later : Trajectory
+            Poses that come after these.
+
+        Returns
+        -------
+        trajectory : Trajectory
+            Both.
+        """
+        names = ("time", "x", "y", "z", "roll", "pitch", "yaw")
+        return type(self)(*(np.concatenate([getattr(self, name), getattr(later, name)]) for name in names))
+
     @property
     def positions(self) -> FloatArray:
         """Shape (N, 3): positions in the world frame [m]."""

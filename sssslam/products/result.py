@@ -1,6 +1,9 @@
 """What a run gives back."""
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from backend.pose_graph import PoseGraphSolution
 from frontend.arrays import FloatArray
@@ -8,6 +11,9 @@ from frontend.loop_closures import LoopClosure
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from sssslam.products.manifest import Measured
 
 
 @dataclass(frozen=True)
@@ -48,3 +54,17 @@ class Result:
     solution: PoseGraphSolution
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def write(self, out: str | os.PathLike[str], metrics: "Sequence[Measured]" = ()) -> None:
+        """Write every product of the run.
+
+        Parameters
+        ----------
+        out : path-like
+            The folder; see `sssslam.products.write.write_products`.
+        metrics : sequence of Measured
+            Metrics against a reference, where there is one.
+        """
+        from sssslam.products.write import write_products  # drawing is imported where it is needed: it is slow to load
+
+        write_products(self, out, metrics)

@@ -1,0 +1,301 @@
+"""Dead reckoning: how far a track without fixes may have drifted, from one ping to any other.
+
+The errors of a heading reference and a Doppler log grow along the track: the heading wanders and deviates with the
+heading itself, the velocity is scaled and turned, and both are noisy. To first order each step adds an error of its
+own, a planar twist seen from the world's origin, and the twists add up. So sums over the track, taken once, answer for
+any two pings. A constant heading bias turns the whole track and no relative pose: it stays out of these.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict, Field
+
+from backend.arrays import FloatArray, IntArray
+from backend.poses import as_poses, cross_matrix, sandwich
+
+_PLANAR = [2, 3, 4]  # yaw, x, y in a 6-vector
+
+
+class DeadReckoningConfig(BaseModel):
+    """Errors of the vehicle's sensors; defaults between a tactical FOG and a MEMS compass, with a Doppler log."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    heading_bias_sd: float = Field(
+        default=0.02,
+        ge=0,
+        description="Constant heading error [rad]; 1 deg, a swung compass. It turns the whole track: gauge.",
+    )
+    heading_walk: float = Field(
+        default=1.2e-3,
+        gt=0,
+        description="Heading random walk [rad/sqrt(s)]; 4 deg/sqrt(h): tactical 0.1 to 0.5, MEMS 6.",
+    )
+    heading_deviation_sd: float = Field(
+        default=0.012,
+        ge=0,
+        description="Heading error with the cosine and with the sine of the heading [rad]; 0.7 deg, iron on board.",
+    )
+    velocity_scale_sd: float = Field(
+        default=0.006,
+        ge=0,
+        description="Relative error of the speed; 0.1 to 1 % for Doppler logs, mostly from sound speed.",
+    )
+    velocity_misalignment_sd: float = Field(
+        default=0.006,
+        ge=0,
+        description="Turn of the velocity against the heading sensor [rad]; 0.3 deg, careful mounting.",
+    )
+    velocity_noise: float = Field(
+        default=0.02, gt=0, description="White velocity noise [m/s/sqrt(Hz)]; 2 cm/s at 1 Hz, a 600 kHz Doppler log."
+    )
+    depth_sd: float = Field(
+        default=0.1,
+        gt=0,
+        description="Error of a measured depth [m]; repeatability of a pressure sensor, and waves.",
+    )
+    tilt_sd: float = Field(
+        default=0.005, gt=0, description="Error of measured roll and pitch [rad]; 0.3 deg, a MEMS attitude sensor."
+    )
+    unary_slack: float = Field(
+        default=10.0,
+        ge=1,
+        description="Depth and tilt of odometry are this much looser than measured [-]; each anchor holds its own.",
+    )
+
+
+class DeadReckoning:
+    """The uncertainty of a dead-reckoned track.
+
+    Parameters
+    ----------
+    time : array_like, shape (N,)
+        Time of the pings [s], strictly increasing.
+    T_world_body_dr : array_like, shape (N, 4, 4)
+        Dead-reckoned body poses.
+    config : DeadReckoningConfig
+        Errors of the sensors.
+
+    Raises
+    ------
+    ValueError
+        If poses and times do not fit, time does not increase or a pose is not rigid.
+
+    Notes
+    -----
+    Holds to first order: heading errors small against one radian. The track itself stands for the true one.
+    """
+
+    def __init__(self, time: ArrayLike, T_world_body_dr: ArrayLike, config: DeadReckoningConfig | None = None) -> None:
+        self._time = np.array(time, dtype=np.float64)
+        self._T = as_poses(T_world_body_dr, "T_world_body_dr").copy()
+        self.config = config or DeadReckoningConfig()
+        if self._time.shape != (len(self._T),) or len(self._T) == 0:
+            raise ValueError(f"one time a pose is wanted, got {self._time.shape} times and {len(self._T)} poses")
+        if not np.all(np.diff(self._time) > 0):
+            raise ValueError("time must increase strictly from ping to ping")
+        self._accumulate()
+
+    @property
+    def time(self) -> FloatArray:
+        """Shape (N,): time of the pings [s]."""
+        return self._time
+
+    @property
+    def positions(self) -> FloatArray:
+        """Shape (N, 3): dead-reckoned positions [m]."""
+        return self._T[:, :3, 3]
+
+    @property
+    def n_pings(self) -> int:
+        """Number of pings N."""
+        return len(self._time)
+
+    def relative_covariances(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
+        """Covariances of the pose of one ping seen from another, for many pairs at once.
+
+        Parameters
+        ----------
+        first, second : array_like of int, shape (P,)
+            Pings; either may be the earlier.
+
+        Returns
+        -------
+        covariance : ndarray, shape (P, 6, 6)
+            Covariance of ``T_first_second`` along the axes of the first body, rotation first [rad**2, rad m, m**2].
+        """
+        return self._relative(first, second, slack=1.0)
+
+    def relative_covariance(self, first: int, second: int) -> FloatArray:
+        """Covariance of the pose of one ping seen from another.
+
+        Parameters
+        ----------
+        first, second : int
+            Pings; either may be the earlier.
+
+        Returns
+        -------
+        covariance : ndarray, shape (6, 6)
+            As `relative_covariances` gives it.
+        """
+        return np.asarray(self.relative_covariances([first], [second])[0])
+
+    def odometry_covariance(self, first: int, second: int) -> FloatArray:
+        """Covariance for an odometry factor, whose graph holds depth, roll and pitch of each anchor by themselves.
+
+        Parameters
+        ----------
+        first, second : int
+            Pings.
+
+        Returns
+        -------
+        covariance : ndarray, shape (6, 6)
+            Like `relative_covariance`, but with depth and tilt so loose that they are not counted twice.
+        """
+        return np.asarray(self._relative([first], [second], slack=self.config.unary_slack)[0])
+
+    def drift_variances(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
+        """How far the track may have drifted between pings, along the world's axes.
+
+        Parameters
+        ----------
+        first, second : array_like of int, shape (P,)
+            Pings; either may be the earlier.
+
+        Returns
+        -------
+        variances : ndarray, shape (P, 4)
+            Of x, y, z [m**2] and yaw [rad**2] of the second ping when the first is known; z does not drift.
+        """
+        i, j = self._pings(first), self._pings(second)
+        yaw, x, y = np.moveaxis(np.diagonal(self._planar_covariance(i, j), axis1=1, axis2=2), 1, 0)
+        return np.stack([x, y, np.zeros_like(x), yaw], axis=1)
+
+    @cached_property
+    def covariances(self) -> FloatArray:
+        """Shape (N, 4, 4): covariance of x, y, z and yaw in the world when the position of the first ping is known."""
+        return _propagate(self._time, self._T, self.config)
+
+    @cached_property
+    def sigmas(self) -> FloatArray:
+        """Shape (N, 4): standard deviations of x, y, z [m] and yaw [rad] when the first ping's position is known."""
+        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+
+    def _pings(self, pings: ArrayLike) -> IntArray:
+        """Check ping numbers."""
+        numbers = np.atleast_1d(np.asarray(pings)).astype(np.int64)
+        if numbers.size and not (numbers.min() >= 0 and numbers.max() < len(self._time)):
+            raise ValueError(f"pings must lie in 0..{len(self._time) - 1}, got {numbers.min()}..{numbers.max()}")
+        return numbers
+
+    def _accumulate(self) -> None:
+        """Sum the twists of all steps: covariance of the random ones, sensitivity to the constant ones."""
+        config, dt = self.config, np.diff(self._time)
+        self._position = self._T[:, :2, 3] - self._T[:, :2, 3].mean(axis=0)
+        step, middle = np.diff(self._position, axis=0), 0.5 * (self._position[1:] + self._position[:-1])
+        # a turn about the middle of the step: one in yaw, minus J p in x and y
+        turn = np.concatenate([np.ones((len(step), 1)), -_quarter_turn(middle)], axis=1)
+        sideways = np.pad(_quarter_turn(step), ((0, 0), (1, 0)))
+        walk = np.einsum("ka,kb->kab", turn, turn) + np.einsum("ka,kb->kab", sideways, sideways) / 12.0
+        random = config.heading_walk**2 * walk + config.velocity_noise**2 * np.diag([0.0, 1.0, 1.0])
+        self._random = _cumulate(dt[:, None, None] * random)
+        deviating = np.einsum("ka,kb->kab", turn, np.diff(_deviation(self._T), axis=0))
+        scaled = np.pad(step, ((0, 0), (1, 0)))
+        constant = np.concatenate([scaled[:, :, None], sideways[:, :, None], deviating], axis=2)
+        self._constant = _cumulate(constant * _constant_sds(config))
+
+    def _planar_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
+        """Covariance of yaw, x and y of ping j, seen from ping i, along the world's axes."""
+        twist = self._random[np.maximum(i, j)] - self._random[np.minimum(i, j)]
+        constant = self._constant[j] - self._constant[i]
+        at_ping = np.tile(np.eye(3), (len(j), 1, 1))
+        at_ping[:, 1:, 0] = _quarter_turn(self._position[j])
+        return sandwich(at_ping, twist + constant @ np.swapaxes(constant, 1, 2))
+
+    def _relative(self, first: ArrayLike, second: ArrayLike, slack: float) -> FloatArray:
+        """Covariances of relative poses along the first body's axes, depth and tilt sigmas times the slack."""
+        i, j = self._pings(first), self._pings(second)
+        covariance = np.zeros((len(i), 6, 6))
+        covariance[np.ix_(range(len(i)), _PLANAR, _PLANAR)] = self._planar_covariance(i, j)
+        covariance[:, 5, 5] += 2.0 * (slack * self.config.depth_sd) ** 2
+        covariance += (slack * self.config.tilt_sd) ** 2 * _tilt_pattern(self._T[j, :3, 3] - self._T[i, :3, 3])
+        turn = np.zeros((len(i), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = np.swapaxes(self._T[i, :3, :3], 1, 2)
+        return sandwich(turn, covariance) * (i != j)[:, None, None]
+
+
+def _quarter_turn(vectors: FloatArray) -> FloatArray:
+    """Turn horizontal vectors by 90 degrees: how a point moves when the world turns by one radian about the origin."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def _cumulate(steps: FloatArray) -> FloatArray:
+    """Sums up to each ping, zero at the first."""
+    return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
+
+
+def _deviation(T_world_body: FloatArray) -> FloatArray:
+    """What the heading deviates with: its cosine and sine, shape (N, 2)."""
+    yaw = np.arctan2(T_world_body[:, 1, 0], T_world_body[:, 0, 0])
+    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+
+
+def _constant_sds(config: DeadReckoningConfig) -> FloatArray:
+    """Standard deviations of what is constant over the dive: scale, misalignment, two deviations."""
+    deviation = config.heading_deviation_sd
+    return np.array([config.velocity_scale_sd, config.velocity_misalignment_sd, deviation, deviation])
+
+
+def _tilt_pattern(lever: FloatArray) -> FloatArray:
+    """Covariance per unit of tilt variance: both bodies tilt, and the first swings the lever arm."""
+    first = np.concatenate([np.tile(-np.eye(3)[:, :2], (len(lever), 1, 1)), cross_matrix(lever)[:, :, :2]], axis=1)
+    second = np.eye(6)[:, :2]
+    return first @ np.swapaxes(first, 1, 2) + second @ second.T
+
+
+def _propagate(time: FloatArray, T_world_body: FloatArray, config: DeadReckoningConfig) -> FloatArray:
+    """Covariance of x, y, z and yaw at each ping by the prediction steps of a Kalman filter."""
+    from filterpy.kalman import predict  # half a second to import
+
+    # state: errors of x, y and yaw, then scale, misalignment and the two deviations of the heading
+    state, P = np.zeros(7), np.diag(np.concatenate([[0.0, 0.0, config.heading_bias_sd], _constant_sds(config)]) ** 2)
+    states = [P]
+    step, deviation = np.diff(T_world_body[:, :2, 3], axis=0), _deviation(T_world_body)
+    noises = _process_noises(step, np.diff(time), config)
+    for F, Q in zip(_transitions(step, 0.5 * (deviation[1:] + deviation[:-1])), noises, strict=True):
+        state, P = predict(state, P, F=F, Q=Q)
+        states.append(P)
+    return _as_x_y_z_yaw(np.stack(states), deviation, config)
+
+
+def _transitions(step: FloatArray, deviation: FloatArray) -> FloatArray:
+    """How errors of heading and velocity become errors of position over each step."""
+    F, sideways = np.tile(np.eye(7), (len(step), 1, 1)), _quarter_turn(step)
+    F[:, :2, 2], F[:, :2, 3], F[:, :2, 4] = sideways, step, sideways
+    F[:, :2, 5:] = np.einsum("ka,kb->kab", sideways, deviation)
+    return F
+
+
+def _process_noises(step: FloatArray, dt: FloatArray, config: DeadReckoningConfig) -> FloatArray:
+    """Noise of each step: velocity noise, and a heading that walks while the vehicle moves."""
+    Q, sideways = np.zeros((len(step), 7, 7)), _quarter_turn(step)
+    walk = config.heading_walk**2 * dt
+    Q[:, :2, :2] = config.velocity_noise**2 * dt[:, None, None] * np.eye(2)
+    Q[:, :2, :2] += np.einsum("k,ka,kb->kab", walk / 3.0, sideways, sideways)
+    Q[:, :2, 2] = Q[:, 2, :2] = walk[:, None] * sideways / 2.0
+    Q[:, 2, 2] = walk
+    return Q
+
+
+def _as_x_y_z_yaw(P: FloatArray, deviation: FloatArray, config: DeadReckoningConfig) -> FloatArray:
+    """Pick x, y and the whole heading error from the states; depth is measured."""
+    pick = np.zeros((len(P), 4, 7))
+    pick[:, 0, 0] = pick[:, 1, 1] = pick[:, 3, 2] = 1.0
+    pick[:, 3, 5:] = deviation
+    covariance = sandwich(pick, P)
+    covariance[:, 2, 2] = config.depth_sd**2
+    return covariance

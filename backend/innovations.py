@@ -1,0 +1,173 @@
+"""What loop closures say about the drift: how each disagrees with dead reckoning, and how that hangs together.
+
+With ``E = T_world_target T_target_source T_world_source**-1`` a closure tells the planar motion (yaw, x, y) of the
+world that would make dead reckoning right: the identity if it was. Dead reckoning errs by sums of independent steps,
+so two closures share exactly the steps that both of their loops contain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backend.arrays import FloatArray, IntArray
+from backend.poses import RelativePose, adjoint, cross_matrix, invert, sandwich
+
+_PLANAR = np.array([2, 3, 4])  # yaw, x, y in a 6-vector
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Disagreement of closures with dead reckoning, as planar motions about the middle of the survey.
+
+    Parameters
+    ----------
+    yaw : ndarray, shape (C,)
+        Turn [rad].
+    shift : ndarray, shape (C, 2)
+        Shift of the world's middle [m].
+    noise : ndarray, shape (C, 3, 3)
+        Covariance of the closure itself: yaw, x, y.
+    first, last : ndarray of int, shape (C,)
+        The anchors that the loop joins, the earlier and the later.
+    drift : ndarray, shape (S, 3, 3)
+        Covariance of dead reckoning from anchor 0 to each anchor.
+    """
+
+    yaw: FloatArray
+    shift: FloatArray
+    noise: FloatArray
+    first: IntArray
+    last: IntArray
+    drift: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.yaw)
+
+    def __getitem__(self, chosen: IntArray) -> "Innovations":
+        yaw, shift, noise = self.yaw[chosen], self.shift[chosen], self.noise[chosen]
+        return Innovations(yaw, shift, noise, self.first[chosen], self.last[chosen], self.drift)
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Shape (C, 3): the motions as tangent vectors: yaw, x, y."""
+        return _planar_logarithm(self.yaw, self.shift)
+
+    def shared_drift(self, other: "Innovations") -> FloatArray:
+        """Covariance of the dead reckoning in two sets of loops.
+
+        Parameters
+        ----------
+        other : Innovations
+            The second set, of D closures.
+
+        Returns
+        -------
+        covariance : ndarray, shape (C, D, 3, 3)
+            Of each closure here with each one there.
+        """
+        begin = np.maximum(self.first[:, None], other.first)
+        end = np.maximum(np.minimum(self.last[:, None], other.last), begin)
+        return np.asarray(self.drift[end] - self.drift[begin])
+
+    def joint_covariance(self, scale: float) -> FloatArray:
+        """Covariance of all residuals together.
+
+        Parameters
+        ----------
+        scale : float
+            Dead reckoning is this much worse than said.
+
+        Returns
+        -------
+        covariance : ndarray, shape (3 C, 3 C)
+            Closure by closure: yaw, x, y.
+        """
+        blocks = scale**2 * self.shared_drift(self)
+        each = np.arange(len(self))
+        blocks[each, each] += self.noise
+        return blocks.transpose(0, 2, 1, 3).reshape(3 * len(self), 3 * len(self))
+
+    def pair_distances(self, scale: float) -> FloatArray:
+        """How far every two closures disagree.
+
+        Parameters
+        ----------
+        scale : float
+            Dead reckoning is this much worse than said.
+
+        Returns
+        -------
+        distances : ndarray, shape (C, C)
+            Squared Mahalanobis distances; chi-square of 3 degrees of freedom for two true closures.
+        """
+        drift = self.shared_drift(self)
+        own = np.diagonal(drift).transpose(2, 0, 1)
+        apart = own[:, None] + own[None, :] - 2.0 * drift
+        covariance = self.noise[:, None] + self.noise[None, :] + scale**2 * apart
+        difference = _planar_difference(self.yaw, self.shift)
+        solved = np.linalg.solve(covariance, difference[..., None])[..., 0]
+        return np.asarray(np.einsum("abi,abi->ab", difference, solved))
+
+
+def innovations(
+    T_world_anchor_dr: FloatArray, odometry: Sequence[RelativePose], closures: Sequence[RelativePose]
+) -> Innovations:
+    """Compare closures with dead reckoning.
+
+    Parameters
+    ----------
+    T_world_anchor_dr : ndarray, shape (S, 4, 4)
+        Dead-reckoned poses of the anchors.
+    odometry : sequence of RelativePose, length S - 1
+        From each anchor to the next, in order.
+    closures : sequence of RelativePose, length C
+        The loop closures.
+
+    Returns
+    -------
+    innovations : Innovations
+        One row a closure.
+    """
+    T = T_world_anchor_dr.copy()
+    T[:, :3, 3] -= T[:, :3, 3].mean(axis=0)
+    steps = _world_covariances(T, odometry)
+    drift = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(steps, axis=0)])
+    target, source = (np.array([getattr(c, name) for c in closures], dtype=np.int64) for name in ("target", "source"))
+    measured = np.array([c.T_target_source for c in closures]).reshape(-1, 4, 4)
+    error = T[target] @ measured @ invert(T[source])
+    error = np.where((target < source)[:, None, None], error, invert(error))
+    yaw = np.arctan2(error[:, 1, 0] - error[:, 0, 1], error[:, 0, 0] + error[:, 1, 1])
+    noise = _world_covariances(T, closures)
+    first, last = np.minimum(target, source), np.maximum(target, source)
+    return Innovations(yaw, error[:, :2, 3], noise, first, last, drift)
+
+
+def _world_covariances(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> FloatArray:
+    """Covariances of relative poses as planar twists about the world's origin."""
+    if not relative_poses:
+        return np.zeros((0, 3, 3))
+    target = np.array([relative.target for relative in relative_poses])
+    twist = np.tile(np.eye(6), (len(target), 1, 1))  # from target axes to the twist about the target's origin
+    twist[:, 3:, :3] = cross_matrix(np.array([relative.T_target_source[:3, 3] for relative in relative_poses]))
+    covariance = np.array([relative.covariance for relative in relative_poses])
+    world = sandwich(adjoint(T_world_anchor[target]) @ twist, covariance)
+    return world[:, _PLANAR[:, None], _PLANAR]
+
+
+def _planar_logarithm(yaw: FloatArray, shift: FloatArray) -> FloatArray:
+    """Tangent vectors (yaw, x, y) of planar motions."""
+    half = 0.5 * yaw
+    safe = np.where(np.abs(half) < 1e-6, 1.0, half)  # below, half cot(half) is one to rounding
+    along = np.where(np.abs(half) < 1e-6, 1.0, safe / np.tan(safe))
+    x, y = shift[..., 0], shift[..., 1]
+    return np.stack([yaw, along * x + half * y, along * y - half * x], axis=-1)
+
+
+def _planar_difference(yaw: FloatArray, shift: FloatArray) -> FloatArray:
+    """Tangent vectors of the motions from each closure's (columns) to each other's (rows)."""
+    turn = (yaw[:, None] - yaw[None, :] + np.pi) % (2.0 * np.pi) - np.pi
+    apart = shift[:, None] - shift[None, :]
+    cos, sin = np.cos(yaw)[None, :], np.sin(yaw)[None, :]
+    turned = [cos * apart[..., 0] + sin * apart[..., 1], cos * apart[..., 1] - sin * apart[..., 0]]
+    return _planar_logarithm(turn, np.stack(turned, axis=-1))

@@ -1,0 +1,170 @@
+"""Features: keypoints of the relief and the FPFH descriptors of the shape around them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import maximum_filter
+
+from frontend.arrays import AnyArray, BoolArray, FloatArray
+from frontend.heightfield import Heightfield
+from frontend.open3d_loader import load_open3d
+from frontend.relief import Relief, ReliefConfig, extract_relief
+from frontend.submaps import Submap, surface_normals
+
+N_BINS = 33
+
+
+class FeatureConfig(BaseModel):
+    """Where a submap is described and over what neighbourhood."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    radius: float = Field(
+        8.0,
+        gt=0,
+        description="Radius of the shape that a descriptor sees [m]; several relief wavelengths, or all alike.",
+    )
+    thinning: int = Field(
+        2,
+        gt=0,
+        description="One row and column in so many [1] stands for the shape around a keypoint: FPFH's cost falls as the 4th power.",
+    )
+    keypoint_spacing: float = Field(
+        3.0, gt=0, description="Least distance of two keypoints [m]; about the shortest wavelength that repeats."
+    )
+    exaggeration: float = Field(
+        4.0, gt=0, description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins."
+    )
+    max_relative_sigma: float = Field(
+        2.0,
+        gt=0,
+        description="Points whose height sigma exceeds this many times the root-mean-square relief are left out.",
+    )
+    min_points: int = Field(
+        50, gt=0, description="Trusted cells [1] below which a submap has no features: less than one neighbourhood."
+    )
+
+
+@dataclass(frozen=True)
+class Features:
+    """Described keypoints of a submap.
+
+    Parameters
+    ----------
+    keypoints : ndarray, shape (K, 3)
+        Positions in the submap frame [m], z as reconstructed.
+    descriptors : ndarray, shape (K, 33)
+        FPFH histograms: three angles of 11 bins that sum to 200 each [1].
+    normals : ndarray, shape (K, 3)
+        Upward unit normals of the relief.
+    """
+
+    keypoints: FloatArray
+    descriptors: FloatArray
+    normals: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+
+def describe(submap: Submap, config: FeatureConfig | None = None) -> Features:
+    """Find and describe the keypoints of a submap.
+
+    Parameters
+    ----------
+    submap : Submap
+        Heights with their sigmas and shadow flags.
+    config : FeatureConfig, optional
+        Spacing and radius.
+
+    Returns
+    -------
+    features : Features
+        Keypoints in the order of the raster's rows; none where too little is known. Shadowed and uncertain points take
+        no part. Deterministic, whatever the number of threads.
+    """
+    return describe_relief(extract_relief(submap, ReliefConfig()), config)
+
+
+def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Features:
+    """Find and describe the keypoints of a relief already extracted.
+
+    Parameters
+    ----------
+    relief : Relief
+        Band-passed heights and weights.
+    config : FeatureConfig, optional
+        Spacing and radius.
+
+    Returns
+    -------
+    features : Features
+        As `describe` gives them.
+    """
+    config = config or FeatureConfig()
+    usable = _usable(relief, config)
+    if usable.sum() < config.min_points:
+        return Features(np.empty((0, 3)), np.empty((0, N_BINS)), np.empty((0, 3)))
+    surface = Heightfield(np.where(usable, config.exaggeration * relief.z, np.nan), relief.spacing, relief.origin)
+    is_keypoint = find_keypoints(relief.z, usable, config.keypoint_spacing / relief.spacing)
+    x, y = np.meshgrid(surface.x, surface.y)
+    keypoints = np.stack([x, y, relief.height], axis=-1)[is_keypoint]
+    return Features(keypoints, _describe(surface, is_keypoint, config), surface_normals(surface)[is_keypoint])
+
+
+def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArray:
+    """Crests and hollows of a relief, none closer than a distance to a stronger one of its kind.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n_y, n_x)
+        Relief of zero mean [m].
+    usable : ndarray of bool, shape (n_y, n_x)
+        Cells that count.
+    spacing : float
+        Radius of the neighbourhood [cells].
+
+    Returns
+    -------
+    is_keypoint : ndarray of bool, shape (n_y, n_x)
+        Cells that are the highest or the lowest of their round neighbourhood, whatever the heading of the grid.
+    """
+    reach = max(int(spacing), 1)
+    rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disc = np.hypot(rows, columns) <= max(spacing, 1.0)
+    crest, hollow = (
+        usable & (a == maximum_filter(a, footprint=disc, mode="constant", cval=-np.inf)) & (a > 0)
+        for a in (np.where(usable, z, -np.inf), np.where(usable, -z, -np.inf))
+    )
+    return np.asarray(crest | hollow)
+
+
+def _usable(relief: Relief, config: FeatureConfig) -> BoolArray:
+    """Trusted cells whose height is known well enough against the relief."""
+    if not relief.is_trusted.any():
+        return relief.is_trusted
+    rms = float(np.sqrt(np.mean(relief.z[relief.is_trusted] ** 2)))
+    return np.asarray(relief.is_trusted & (relief.sigma <= config.max_relative_sigma * rms))
+
+
+def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
+    """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, shape (K, 33)."""
+    rows, columns = np.indices(surface.z.shape)
+    supports = np.isfinite(surface.z) & (rows % config.thinning == 0) & (columns % config.thinning == 0) | is_keypoint
+    x, y = np.meshgrid(surface.x, surface.y)
+    points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
+    most = int(np.pi * (config.radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off
+    return _fpfh(points, normals, np.flatnonzero(is_keypoint[supports]), {"radius": config.radius, "max_nn": most})
+
+
+def _fpfh(points: FloatArray, normals: FloatArray, chosen: AnyArray, search: dict[str, float]) -> FloatArray:
+    """FPFH of the chosen points among all points, shape (K, 33)."""
+    if not len(chosen):
+        return np.empty((0, N_BINS))
+    o3d = load_open3d()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.normals = o3d.utility.Vector3dVector(normals)
+    parameter = o3d.geometry.KDTreeSearchParamHybrid(**search)
+    descriptors = o3d.pipelines.registration.compute_fpfh_feature(cloud, parameter, chosen.tolist())
+    return np.ascontiguousarray(np.asarray(descriptors.data).T)

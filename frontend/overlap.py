@@ -1,0 +1,203 @@
+"""Two submaps laid over each other at a given transform: the cells that both know, sampled in pairs."""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from frontend.arrays import FloatArray
+from frontend.relief import Relief
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Pairs of samples, one a source cell that falls on trusted target cells.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (K,)
+        Positions in the source frame [m].
+    weight : ndarray, shape (K,)
+        Product of both weights [1].
+    z_source, z_target : ndarray, shape (K,)
+        Relief [m].
+    slope_x, slope_y : ndarray, shape (K,)
+        Gradient of the target's relief in the target frame [1].
+    height_source, height_target : ndarray, shape (K,)
+        Heights, each in its own frame [m].
+    sigma : ndarray, shape (K,)
+        Standard deviation of the height difference [m].
+    reflectivity_source, reflectivity_target : ndarray, shape (K,)
+        Band-passed log-reflectivity [1].
+    share : float
+        Overlap over the smaller of the two trusted areas [1].
+    area : float
+        Area of the overlap [m^2].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    weight: FloatArray
+    z_source: FloatArray
+    z_target: FloatArray
+    slope_x: FloatArray
+    slope_y: FloatArray
+    height_source: FloatArray
+    height_target: FloatArray
+    sigma: FloatArray
+    reflectivity_source: FloatArray
+    reflectivity_target: FloatArray
+    share: float
+    area: float
+
+    @property
+    def correlation(self) -> float:
+        """Weighted correlation of the two reliefs [1]; 0 where nothing varies."""
+        return weighted_correlation(self.z_source, self.z_target, self.weight)
+
+    @property
+    def reflectivity_correlation(self) -> float:
+        """Weighted correlation of the two reflectivities [1]; 0 where nothing varies."""
+        return weighted_correlation(self.reflectivity_source, self.reflectivity_target, self.weight)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """A submap's rasters stacked for sampling as a target, and its trusted cells listed for use as a source.
+
+    Parameters
+    ----------
+    rasters : ndarray, shape (n_y, n_x, 7)
+        Weight, relief, its two slopes, height, sigma and reflectivity.
+    cells : ndarray, shape (K, 9)
+        x and y [m] of the trusted cells and their rasters.
+    relief : Relief
+        Where they come from.
+    """
+
+    rasters: FloatArray
+    cells: FloatArray
+    relief: Relief
+
+
+def stack_layers(relief: Relief) -> Layers:
+    """Prepare a relief for `lay_over`.
+
+    Parameters
+    ----------
+    relief : Relief
+        The rasters of a submap.
+
+    Returns
+    -------
+    layers : Layers
+        The same rasters in the order that sampling wants.
+    """
+    slope_y, slope_x = np.gradient(relief.z, relief.spacing)
+    rasters = np.stack(
+        [relief.weight, relief.z, slope_x, slope_y, relief.height, relief.sigma, relief.reflectivity], axis=-1
+    )
+    rows, columns = np.nonzero(relief.is_trusted)
+    x, y = relief.origin[0] + relief.spacing * columns, relief.origin[1] + relief.spacing * rows
+    return Layers(rasters, np.column_stack([x, y, rasters[rows, columns]]), relief)
+
+
+def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float]) -> Overlap:
+    """Sample a target at the cells of a source.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    planar : tuple of float
+        x, y [m] and yaw [rad] of ``T_target_source``.
+
+    Returns
+    -------
+    overlap : Overlap
+        Pairs of samples; bilinear in the target, where all four cells around are trusted.
+    """
+    sampled = sample_rasters(target.rasters, source.cells, (*target.relief.origin, target.relief.spacing), planar)
+    both = sampled[:, 0] > 0
+    a, b = sampled[both], source.cells[both]
+    area = len(b) * source.relief.spacing**2
+    smaller = min(target.relief.area, source.relief.area)
+    sigma = np.hypot(a[:, 5], b[:, 7])
+    share = min(area / smaller, 1.0) if smaller > 0 else 0.0
+    return Overlap(
+        b[:, 0], b[:, 1], a[:, 0] * b[:, 2], b[:, 3], a[:, 1], a[:, 2], a[:, 3], b[:, 6], a[:, 4], sigma,
+        b[:, 8], a[:, 6], share, area,
+    )  # fmt: skip
+
+
+def sample_rasters(
+    rasters: FloatArray,
+    positions: FloatArray,
+    frame: tuple[float, float, float],
+    planar: tuple[float, float, float],
+) -> FloatArray:
+    """Sample rasters at positions given in another level frame.
+
+    Parameters
+    ----------
+    rasters : ndarray, shape (n_y, n_x, C)
+        Rasters of one grid; the first is the trust [1], 0 where unknown.
+    positions : ndarray, shape (K, 2 or more)
+        x and y in the other frame [m].
+    frame : tuple of float
+        x and y of the first cell and the spacing of the grid [m].
+    planar : tuple of float
+        x, y [m] and yaw [rad] of the transform from the positions' frame to the grid's.
+
+    Returns
+    -------
+    samples : ndarray, shape (K, C)
+        Bilinear samples; all 0 where one of the four cells around is outside the grid or has no trust.
+    """
+    samples = np.zeros((len(positions), rasters.shape[2]))
+    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
+    _sample(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples)
+    return samples
+
+
+def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> float:
+    """Correlation coefficient of two weighted samples.
+
+    Parameters
+    ----------
+    a, b, weight : ndarray, shape (K,)
+        The samples and their weights.
+
+    Returns
+    -------
+    correlation : float
+        In [-1, 1]; 0 where either sample is constant or empty.
+    """
+    total = float(weight.sum())
+    if not total > 0:
+        return 0.0
+    a, b = a - weight @ a / total, b - weight @ b / total
+    scale = float(np.sqrt((weight @ a**2) * (weight @ b**2)))
+    return float(np.clip(weight @ (a * b) / scale, -1.0, 1.0)) if scale > 1e-12 * total else 0.0
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
+    """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
+    cosine, sine = np.cos(planar[2]), np.sin(planar[2])
+    n_y, n_x, n_channels = rasters.shape
+    for k in range(cells.shape[0]):
+        x, y = cells[k, 0], cells[k, 1]
+        column = (planar[0] + cosine * x - sine * y - frame[0]) / frame[2]
+        row = (planar[1] + sine * x + cosine * y - frame[1]) / frame[2]
+        j, i = int(np.floor(column)), int(np.floor(row))
+        if i < 0 or j < 0 or i >= n_y - 1 or j >= n_x - 1:
+            continue
+        corners = min(rasters[i, j, 0], rasters[i, j + 1, 0], rasters[i + 1, j, 0], rasters[i + 1, j + 1, 0])
+        if corners <= 0.0:
+            continue
+        u, v = column - j, row - i
+        for c in range(n_channels):
+            low = (1 - u) * rasters[i, j, c] + u * rasters[i, j + 1, c]
+            high = (1 - u) * rasters[i + 1, j, c] + u * rasters[i + 1, j + 1, c]
+            out[k, c] = (1 - v) * low + v * high

@@ -1,0 +1,46 @@
+"""From echoes to seafloor shape: methods with one signature."""
+
+from collections.abc import Callable
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from frontend.bottom import Bottom
+from frontend.radiometry import Radiometry
+from frontend.reconstruction import joint
+from frontend.reconstruction.calibration import calibrate
+from frontend.reconstruction.joint import JointConfig
+from frontend.recording import Recording
+from frontend.submaps import Submap
+from frontend.windows import Window
+
+__all__ = ["JointConfig", "Method", "ReconstructionConfig", "calibrate", "method_of"]
+
+Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
+
+
+class ReconstructionConfig(BaseModel):
+    """Which method, and its settings."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    method: Literal["joint"] = Field("joint", description="joint: height and reflectivity by analysis by synthesis.")
+    joint: JointConfig = JointConfig()
+
+
+def method_of(config: ReconstructionConfig) -> Method:
+    """The configured method.
+
+    Parameters
+    ----------
+    config : ReconstructionConfig
+        Names the method and holds its settings.
+
+    Returns
+    -------
+    method : callable
+        Takes a recording, a window, the dive's bottom and radiometry; gives a Submap.
+    """
+    return lambda recording, window, bottom, radiometry: joint.reconstruct(
+        recording, window, bottom, radiometry, config.joint
+    )

@@ -1,0 +1,514 @@
+"""The forward model: expected intensity of every slant-range bin over a heightfield, and its exact derivatives.
+
+A ping is walked outward over the surface in its beam plane. A sample is seen if its elevation exceeds all before it. The
+energy of a seen sample, ``exp(rho) Phi(theta) G(r) cos^n(incidence) area``, is shared linearly between the two nearest
+slant-range bins. Layover, foreshortening, shadows and the first bottom return come out; nothing is corrected to ground
+range. Derivatives hold for the samples seen and the places walked at the point of linearisation.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from frontend.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from frontend.radiometry import Tables
+
+N_CHUNKS = 8  # fixed, so that sums do not depend on the number of threads
+ROW_LENGTH = 24  # cells a bin may depend on in the curvature; the gradient is never cut
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Where each line of a window looked from, in the submap frame: P pings, two sides (port, starboard).
+
+    Parameters
+    ----------
+    sensor : ndarray, shape (P, 2, 3)
+        Transducers [m].
+    forward, side, up : ndarray, shape (P, 3), (P, 2, 3), (P, 3)
+        Body axes: normal of the beam plane, towards the looked-at side, up.
+    """
+
+    sensor: FloatArray
+    forward: FloatArray
+    side: FloatArray
+    up: FloatArray
+
+
+@dataclass(frozen=True)
+class Raster:
+    """The grid of the unknown surface.
+
+    Parameters
+    ----------
+    n_y, n_x : int
+        Cells along y and x.
+    spacing : float
+        Distance between cells [m].
+    origin : tuple of float
+        x and y of the centre of cell [0, 0] [m].
+    """
+
+    n_y: int
+    n_x: int
+    spacing: float
+    origin: tuple[float, float]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.n_y, self.n_x
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return self.n_y * self.n_x
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Multilooked echoes of a window.
+
+    Parameters
+    ----------
+    intensity : ndarray, shape (P, 2, B)
+        Mean intensity of each bin.
+    looks : ndarray, shape (P, 2, B)
+        Independent looks in each mean; 0 where the bin says nothing.
+    floor : ndarray, shape (2, B)
+        Expected intensity of each bin without any seafloor in it.
+    width : float
+        Width of a bin [m]; bin b is centred at ``(b + 0.5) * width``.
+    """
+
+    intensity: FloatArray
+    looks: FloatArray
+    floor: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """Derivatives of ln mu by the cells a bin depends on, row by row.
+
+    Parameters
+    ----------
+    cell : ndarray of int32, shape (P, 2, B, ROW_LENGTH)
+        Cell numbers.
+    by_height, by_reflectivity : ndarray of float32, shape (P, 2, B, ROW_LENGTH)
+        Derivatives [1/m] and [1].
+    n_cells : ndarray of int32, shape (P, 2, B)
+        Used length of each row.
+    """
+
+    cell: IntArray
+    by_height: Float32Array
+    by_reflectivity: Float32Array
+    n_cells: IntArray
+
+
+def render(z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins) -> FloatArray:
+    """Expected intensity of every bin.
+
+    Parameters
+    ----------
+    z, rho : ndarray, shape (n_y, n_x)
+        Heights [m] and log-reflectivity.
+    raster : Raster
+        Their grid.
+    beams : Beams
+        Where each line looked from.
+    tables : Tables
+        Radiometry.
+    bins : Bins
+        The bins; only their number and width matter here.
+
+    Returns
+    -------
+    mu : ndarray, shape (P, 2, B)
+        Expected intensity, noise floor included.
+    """
+    mu = np.empty(bins.intensity.shape)
+    mu[:] = bins.floor
+    _render(z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, mu)
+    return mu
+
+
+def linearise(
+    z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins, mu: FloatArray
+) -> Curvature:
+    """Derivatives of ln mu by heights and log-reflectivities.
+
+    Parameters
+    ----------
+    z, rho : ndarray, shape (n_y, n_x)
+        Heights [m] and log-reflectivity.
+    raster, beams, tables, bins
+        As in `render`.
+    mu : ndarray, shape (P, 2, B)
+        What `render` gave there.
+
+    Returns
+    -------
+    curvature : Curvature
+        Rows of the Jacobian; a row longer than ROW_LENGTH loses its last cells.
+    """
+    shape = (*bins.intensity.shape, ROW_LENGTH)
+    cell = np.empty(shape, dtype=np.int32)
+    by_height, by_reflectivity = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    n_cells = np.zeros(bins.intensity.shape, dtype=np.int32)
+    _linearise(
+        z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, mu, cell, by_height, by_reflectivity, n_cells
+    )
+    return Curvature(cell, by_height, by_reflectivity, n_cells)
+
+
+def pull_back(
+    z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Adjoint of the forward model: gradient of ``sum(weight * mu)`` by heights and log-reflectivities.
+
+    Parameters
+    ----------
+    z, rho : ndarray, shape (n_y, n_x)
+        Heights [m] and log-reflectivity.
+    raster, beams, tables, bins
+        As in `render`.
+    weight : ndarray, shape (P, 2, B)
+        Derivative of some cost by mu.
+
+    Returns
+    -------
+    by_height, by_reflectivity : ndarray, shape (n_y, n_x)
+        Gradient of the cost; exact for the samples seen and the places walked.
+    """
+    gradients = np.zeros((N_CHUNKS, 2, raster.n_y, raster.n_x))
+    _pull_back(z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, weight, gradients)
+    total = gradients.sum(axis=0)
+    return total[0], total[1]
+
+
+def coverage(z: FloatArray, raster: Raster, beams: Beams, slant_range_max: float) -> tuple[BoolArray, BoolArray]:
+    """Cells that some line passes over, and those that some line sees.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n_y, n_x)
+        Heights [m].
+    raster, beams
+        As in `render`.
+    slant_range_max : float
+        Where the lines end [m].
+
+    Returns
+    -------
+    is_passed, is_seen : ndarray of bool, shape (n_y, n_x)
+        Cells in the swath, and cells in the swath and not in shadow.
+    """
+    passed = np.zeros(raster.shape, dtype=np.bool_)
+    seen = np.zeros(raster.shape, dtype=np.bool_)
+    _coverage(z, _grid(raster), _pack(beams), slant_range_max, passed, seen)
+    return passed, seen
+
+
+def angles(z: FloatArray, raster: Raster, beams: Beams, bins: Bins) -> FloatArray:
+    """Mean angle from the body's nadir of the seen surface in each bin.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n_y, n_x)
+        Heights [m].
+    raster, beams, bins
+        As in `render`.
+
+    Returns
+    -------
+    angle : ndarray, shape (P, 2, B)
+        Angles [rad]; NaN where nothing is seen.
+    """
+    angle = np.empty(bins.intensity.shape)
+    _angles(z, _grid(raster), _pack(beams), bins.width, angle)
+    return angle
+
+
+def _grid(raster: Raster) -> tuple[int, int, float, float, float]:
+    return raster.n_y, raster.n_x, raster.spacing, raster.origin[0], raster.origin[1]
+
+
+def _pack(beams: Beams) -> FloatArray:
+    """One row of 20 numbers a line: sensor, forward, side, up, then the horizontal walk and tan(pitch)."""
+    horizontal = np.hypot(beams.forward[:, 0], beams.forward[:, 1])
+    heading = beams.forward[:, :2] / horizontal[:, None]
+    packed = np.zeros((len(beams.forward), 2, 17))
+    packed[..., 0:3] = beams.sensor
+    packed[..., 3:6] = beams.side
+    packed[..., 6:9] = beams.up[:, None]
+    packed[..., 9:11] = heading[:, None]
+    left = np.stack([-heading[:, 1], heading[:, 0]], axis=-1)
+    packed[:, 0, 11:13], packed[:, 1, 11:13] = left, -left
+    packed[..., 13] = (-beams.forward[:, 2] / horizontal)[:, None]
+    return packed
+
+
+def _pack_tables(tables: Tables) -> tuple[FloatArray, FloatArray, FloatArray]:
+    scalars = np.array([tables.angle_first, tables.angle_step, tables.range_step, tables.exponent])
+    return tables.log_beam, tables.log_range, scalars
+
+
+@numba.njit(cache=True, inline="always")
+def _lookup(table, position):  # type: ignore[no-untyped-def]
+    """Value and slope (a knot) of a table at a fractional knot, held at the ends."""
+    i = int(np.floor(position))
+    if i < 0:
+        return table[0], 0.0
+    if i >= table.size - 1:
+        return table[table.size - 1], 0.0
+    slope = table[i + 1] - table[i]
+    return table[i] + slope * (position - i), slope
+
+
+@numba.njit(cache=True, inline="always")
+def _place(z, grid, line, u, height):  # type: ignore[no-untyped-def]
+    """Walk to across-track distance u: cell, weights, height. The place along track follows the height (pitch)."""
+    n_y, n_x, spacing, x0, y0 = grid
+    for _ in range(2):
+        v = line[13] * (height - line[2])
+        fx = (line[0] + line[11] * u + line[9] * v - x0) / spacing
+        fy = (line[1] + line[12] * u + line[10] * v - y0) / spacing
+        if not (fx >= 0.0 and fy >= 0.0 and fx < n_x - 1 and fy < n_y - 1):
+            return -1, -1, 0.0, 0.0, height
+        column, row = int(fx), int(fy)
+        ax, ay = fx - column, fy - row
+        height = (1 - ay) * ((1 - ax) * z[row, column] + ax * z[row, column + 1]) + ay * (
+            (1 - ax) * z[row + 1, column] + ax * z[row + 1, column + 1]
+        )
+        if line[13] == 0.0:
+            break
+    return row, column, ax, ay, height
+
+
+@numba.njit(cache=True, inline="always")
+def _sample(z, rho, grid, line, at, tables, side):  # type: ignore[no-untyped-def]
+    """Energy of one sample and its logarithmic derivatives by height and the two slopes; range and its derivative."""
+    log_beam, log_range, scalars = tables
+    row, column, ax, ay, u, height = at
+    spacing = grid[2]
+    z00, z01, z10, z11 = z[row, column], z[row, column + 1], z[row + 1, column], z[row + 1, column + 1]
+    p = ((1 - ay) * (z01 - z00) + ay * (z11 - z10)) / spacing
+    q = ((1 - ax) * (z10 - z00) + ax * (z11 - z01)) / spacing
+    v = line[13] * (height - line[2])
+    dx, dy, dz = -(line[11] * u + line[9] * v), -(line[12] * u + line[10] * v), line[2] - height
+    r = np.sqrt(dx * dx + dy * dy + dz * dz)
+    m = dz - p * dx - q * dy
+    s2 = 1 + p * p + q * q
+    if m <= 1e-6 * r:
+        return 0.0, r, 0.0, 0.0, 0.0, 0.0
+    along = -(dx * line[3] + dy * line[4] + dz * line[5])
+    down = dx * line[6] + dy * line[7] + dz * line[8]
+    theta = np.arctan2(along, down)
+    beam, beam_slope = _lookup(log_beam[side], (theta - scalars[0]) / scalars[1])
+    gain, gain_slope = _lookup(log_range, r / scalars[2])
+    reflectivity = (1 - ay) * ((1 - ax) * rho[row, column] + ax * rho[row, column + 1]) + ay * (
+        (1 - ax) * rho[row + 1, column] + ax * rho[row + 1, column + 1]
+    )
+    n = scalars[3]
+    energy = np.exp(reflectivity + beam + gain + n * (np.log(m / r) - 0.5 * np.log(s2)) + 0.5 * np.log(s2))
+    r_z = -dz / r
+    theta_z = (down * line[5] + along * line[8]) / (along * along + down * down)
+    by_z = beam_slope / scalars[1] * theta_z + gain_slope / scalars[2] * r_z - n * (1.0 / m + r_z / r)
+    by_p = -n * (dx / m + p / s2) + p / s2
+    by_q = -n * (dy / m + q / s2) + q / s2
+    return energy, r, r_z, by_z, by_p, by_q
+
+
+@numba.njit(cache=True, inline="always")
+def _step(grid, width, n_bins):  # type: ignore[no-untyped-def]
+    """Across-track step of the walk and the range at which it ends."""
+    return 0.25 * grid[2], width * n_bins
+
+
+@numba.njit(cache=True, parallel=True)
+def _render(z, rho, grid, lines, log_beam, log_range, scalars, width, mu):  # type: ignore[no-untyped-def]
+    tables = (log_beam, log_range, scalars)
+    for ping in numba.prange(lines.shape[0]):
+        for side in range(2):
+            line, out = lines[ping, side], mu[ping, side]
+            step, end = _step(grid, width, out.size)
+            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            while True:
+                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                if row < 0:
+                    break
+                elevation = (height - line[2]) / u
+                if elevation > horizon:
+                    horizon = elevation
+                    energy, r, _, _, _, _ = _sample(z, rho, grid, line, (row, column, ax, ay, u, height), tables, side)
+                    if r >= end:
+                        break
+                    b = r / width - 0.5
+                    i = int(np.floor(b))
+                    f = b - i
+                    if i >= 0:
+                        out[i] += (1 - f) * energy * step / width
+                    if i + 1 < out.size:
+                        out[i + 1] += f * energy * step / width
+                elif u >= end:
+                    break
+                u += step
+
+
+@numba.njit(cache=True, parallel=True)
+def _pull_back(z, rho, grid, lines, log_beam, log_range, scalars, width, weight, gradients):  # type: ignore[no-untyped-def]
+    tables = (log_beam, log_range, scalars)
+    n, spacing = lines.shape[0], grid[2]
+    for chunk in numba.prange(N_CHUNKS):
+        by_height, by_rho = gradients[chunk, 0], gradients[chunk, 1]
+        for ping in range(chunk * n // N_CHUNKS, (chunk + 1) * n // N_CHUNKS):
+            for side in range(2):
+                line, w = lines[ping, side], weight[ping, side]
+                step, end = _step(grid, width, w.size)
+                u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+                while True:
+                    row, column, ax, ay, height = _place(z, grid, line, u, height)
+                    if row < 0:
+                        break
+                    elevation = (height - line[2]) / u
+                    if elevation > horizon:
+                        horizon = elevation
+                        energy, r, r_z, by_z, by_p, by_q = _sample(
+                            z, rho, grid, line, (row, column, ax, ay, u, height), tables, side
+                        )
+                        if r >= end:
+                            break
+                        b = r / width - 0.5
+                        i = int(np.floor(b))
+                        f = b - i
+                        near = w[i] if i >= 0 else 0.0
+                        far = w[i + 1] if i + 1 < w.size else 0.0
+                        g = step / width * energy * ((1 - f) * near + f * far)
+                        gz = g * by_z + step / width * energy * (far - near) * r_z / width
+                        gp, gq = g * by_p / spacing, g * by_q / spacing
+                        by_height[row, column] += gz * (1 - ax) * (1 - ay) - gp * (1 - ay) - gq * (1 - ax)
+                        by_height[row, column + 1] += gz * ax * (1 - ay) + gp * (1 - ay) - gq * ax
+                        by_height[row + 1, column] += gz * (1 - ax) * ay - gp * ay + gq * (1 - ax)
+                        by_height[row + 1, column + 1] += gz * ax * ay + gp * ay + gq * ax
+                        by_rho[row, column] += g * (1 - ax) * (1 - ay)
+                        by_rho[row, column + 1] += g * ax * (1 - ay)
+                        by_rho[row + 1, column] += g * (1 - ax) * ay
+                        by_rho[row + 1, column + 1] += g * ax * ay
+                    elif u >= end:
+                        break
+                    u += step
+
+
+@numba.njit(cache=True, inline="always")
+def _add(cells, heights, reflectivities, count, cell, by_height, by_rho):  # type: ignore[no-untyped-def]
+    """Add to the entry of a cell in one row; a full row loses what is new."""
+    for k in range(count - 1, -1, -1):
+        if cells[k] == cell:
+            heights[k] += by_height
+            reflectivities[k] += by_rho
+            return count
+    if count == cells.size:
+        return count
+    cells[count], heights[count], reflectivities[count] = cell, by_height, by_rho
+    return count + 1
+
+
+@numba.njit(cache=True, parallel=True)
+def _linearise(z, rho, grid, lines, log_beam, log_range, scalars, width, mu, cell, by_height, by_rho, n_cells):  # type: ignore[no-untyped-def]
+    tables = (log_beam, log_range, scalars)
+    n_x, spacing = grid[1], grid[2]
+    for ping in numba.prange(lines.shape[0]):
+        weights, slopes = np.empty(4), np.empty(4)
+        for side in range(2):
+            line, m = lines[ping, side], mu[ping, side]
+            step, end = _step(grid, width, m.size)
+            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            while True:
+                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                if row < 0:
+                    break
+                elevation = (height - line[2]) / u
+                if elevation > horizon:
+                    horizon = elevation
+                    energy, r, r_z, by_z, by_p, by_q = _sample(
+                        z, rho, grid, line, (row, column, ax, ay, u, height), tables, side
+                    )
+                    if r >= end:
+                        break
+                    b = r / width - 0.5
+                    i = int(np.floor(b))
+                    f = b - i
+                    gp, gq = by_p / spacing, by_q / spacing
+                    weights[0], weights[1] = (1 - ax) * (1 - ay), ax * (1 - ay)
+                    weights[2], weights[3] = (1 - ax) * ay, ax * ay
+                    slopes[0], slopes[1] = -gp * (1 - ay) - gq * (1 - ax), gp * (1 - ay) - gq * ax
+                    slopes[2], slopes[3] = -gp * ay + gq * (1 - ax), gp * ay + gq * ax
+                    for k in range(2):
+                        if i + k < 0 or i + k >= m.size:
+                            continue
+                        e = step / width * energy / m[i + k]
+                        share = e * (f if k == 1 else 1 - f)
+                        shift = e * r_z / width * (1.0 if k == 1 else -1.0)
+                        for c in range(4):
+                            n_cells[ping, side, i + k] = _add(
+                                cell[ping, side, i + k],
+                                by_height[ping, side, i + k],
+                                by_rho[ping, side, i + k],
+                                n_cells[ping, side, i + k],
+                                (row + c // 2) * n_x + column + c % 2,
+                                share * (by_z * weights[c] + slopes[c]) + shift * weights[c],
+                                share * weights[c],
+                            )
+                elif u >= end:
+                    break
+                u += step
+
+
+@numba.njit(cache=True)
+def _coverage(z, grid, lines, end, passed, seen):  # type: ignore[no-untyped-def]
+    step = 0.25 * grid[2]
+    for ping in range(lines.shape[0]):
+        for side in range(2):
+            line = lines[ping, side]
+            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            while True:
+                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                if row < 0 or u * u + (height - line[2]) ** 2 >= end * end:
+                    break
+                near = (int(row + ay + 0.5), int(column + ax + 0.5))
+                passed[near] = True
+                elevation = (height - line[2]) / u
+                if elevation > horizon:
+                    horizon = elevation
+                    seen[near] = True
+                u += step
+
+
+@numba.njit(cache=True, parallel=True)
+def _angles(z, grid, lines, width, angle):  # type: ignore[no-untyped-def]
+    for ping in numba.prange(lines.shape[0]):
+        for side in range(2):
+            line, out = lines[ping, side], angle[ping, side]
+            count = np.zeros(out.size)
+            out[:] = 0.0
+            step, end = _step(grid, width, out.size)
+            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            while True:
+                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                v = line[13] * (height - line[2])
+                dx, dy, dz = -(line[11] * u + line[9] * v), -(line[12] * u + line[10] * v), line[2] - height
+                r = np.sqrt(dx * dx + dy * dy + dz * dz)
+                if row < 0 or r >= end:
+                    break
+                if (height - line[2]) / u > horizon:
+                    horizon = (height - line[2]) / u
+                    along = -(dx * line[3] + dy * line[4] + dz * line[5])
+                    down = dx * line[6] + dy * line[7] + dz * line[8]
+                    out[int(r / width)] += np.arctan2(along, down)
+                    count[int(r / width)] += 1
+                u += step
+            for b in range(out.size):
+                out[b] = out[b] / count[b] if count[b] > 0 else np.nan

@@ -1,0 +1,244 @@
+"""Joint estimate of height and reflectivity of a window by analysis by synthesis in the slant-range domain."""
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.sparse import csr_array
+
+from frontend.arrays import FloatArray
+from frontend.bottom import Bottom
+from frontend.heightfield import Heightfield
+from frontend.radiometry import Radiometry, Tables
+from frontend.recording import Recording
+from frontend.reconstruction.forward import Raster, coverage
+from frontend.reconstruction.posterior import Altimeter, Posterior
+from frontend.reconstruction.priors import PriorConfig, make_prior
+from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
+from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
+from frontend.submaps import Submap
+from frontend.windows import Window
+
+
+class JointConfig(BaseModel):
+    """The joint method."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    spacing: float | None = Field(None, gt=0, description="Cells of the finest grid [m]; auto: slant range / 55.")
+    n_levels: int = Field(3, ge=1, le=6, description="Resolutions, each twice as fine as the one before.")
+    bins_per_cell: float = Field(2.0, gt=0, description="Slant-range bins a cell; a coarse grid with fine bins aliases.")
+    looks_most: float = Field(6.0, gt=0, description="Looks that a bin may count; relief below a cell makes the rest.")
+    blur: float = Field(0.02, ge=0, description="Share of the mean echo added to echo and model; softens dark bins.")
+    tail: float = Field(20.0, gt=0, description="Deviance at which a bin counts half; echoes of fish and wreckage.")
+    altimeter_sigma: float = Field(0.3, gt=0, description="Altimeter against the surface of a cell [m].")
+    altimeter_length: float = Field(4.0, gt=0, description="Track over which altimeter errors repeat [m].")
+    n_draws: int = Field(6, ge=2, description="Draws from the posterior behind sigma.")
+    sigma_factor: float = Field(2.0, gt=0, description="Sigma against that of the posterior; calibrated on simulation.")
+    prior: PriorConfig = PriorConfig()
+    solver: SolverConfig = SolverConfig()
+
+
+def cell_spacing(slant_range_max: float) -> float:
+    """Cells of the finest grid that go with a range: 1 m for 55 m, rounded to 1, 2 or 5 times a power of ten.
+
+    Parameters
+    ----------
+    slant_range_max : float
+        Longest slant range [m].
+
+    Returns
+    -------
+    spacing : float
+        Cell spacing [m].
+    """
+    wanted = slant_range_max / 55.0
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    steps = decade * np.array([0.5, 1.0, 2.0, 5.0, 10.0])
+    return float(steps[np.argmin(np.abs(np.log(steps / wanted)))])
+
+
+def reconstruct(
+    recording: Recording, window: Window, bottom: Bottom, radiometry: Radiometry, config: JointConfig
+) -> Submap:
+    """Reconstruct the seafloor of one window.
+
+    Parameters
+    ----------
+    recording : Recording
+        The dive.
+    window : Window
+        Which pings.
+    bottom : Bottom
+        First bottom returns and altitude of the dive.
+    radiometry : Radiometry
+        Calibrated for the dive, held fixed here.
+    config : JointConfig
+        The method's settings.
+
+    Returns
+    -------
+    submap : Submap
+        Heights, sigma, log-reflectivity and shadow on a grid in the level frame of the anchor ping.
+    """
+    data = window_data(recording, window, bottom, radiometry)
+    levels = descend(data, radiometry, config, config.n_levels)
+    posterior, solution = levels[-1]
+    rng = np.random.default_rng([window.first_ping, window.end_ping])
+    sigma = _sigma(*levels[max(len(levels) - 2, 0)], posterior.raster, (config, rng))
+    return _submap(recording, window, data, posterior, solution, sigma)
+
+
+def descend(
+    data: WindowData, radiometry: Radiometry, config: JointConfig, n_levels: int
+) -> list[tuple[Posterior, Solution]]:
+    """Solve from the coarsest resolution down.
+
+    Parameters
+    ----------
+    data : WindowData
+        The window.
+    radiometry : Radiometry
+        Calibration.
+    config : JointConfig
+        The method's settings.
+    n_levels : int
+        How many of the configured resolutions to run, from the coarsest.
+
+    Returns
+    -------
+    levels : list of (Posterior, Solution)
+        One pair a resolution, the finest last.
+    """
+    finest = config.spacing or cell_spacing(data.slant_range_max)
+    levels: list[tuple[Posterior, Solution]] = []
+    for k in range(n_levels):
+        spacing = finest * 2 ** (config.n_levels - 1 - k)
+        raster = raster_of(data, spacing)
+        posterior = make_posterior(data, radiometry, raster, config)
+        x = posterior.expected
+        if levels:
+            x = np.stack([resample(part, levels[-1][0].raster, raster) for part in levels[-1][1].x])
+        levels.append((posterior, minimise(posterior, x, config.solver)))
+    return levels
+
+
+def make_posterior(data: WindowData, radiometry: Radiometry, raster: Raster, config: JointConfig) -> Posterior:
+    """The posterior of a window at the resolution of a raster.
+
+    Parameters
+    ----------
+    data : WindowData
+        The window.
+    radiometry : Radiometry
+        Calibration.
+    raster : Raster
+        The grid; bins and lines follow its spacing.
+    config : JointConfig
+        The method's settings.
+
+    Returns
+    -------
+    posterior : Posterior
+        The cost to be made small.
+    """
+    step = np.median(np.hypot(*np.diff(data.sensors[:, 0, :2], axis=0).T)) if len(data.sensors) > 1 else raster.spacing
+    group = int(np.clip(np.floor(0.5 * raster.spacing / max(step, 1e-3)), 1, max(1, len(data.sensors) // 4)))
+    model = BinModel(radiometry.looks, config.looks_most, config.blur, radiometry.tables.noise)
+    beams, bins = beams_and_bins(data, raster.spacing / config.bins_per_cell, group, model)
+    prior = make_prior(raster, config.prior)
+    expected = np.stack([first_surface(data, raster), np.zeros(raster.shape)])
+    altimeter = _altimeter(data, raster, config)
+    return Posterior(raster, beams, radiometry.tables, bins, prior, expected, altimeter, config.tail)
+
+
+def first_surface(data: WindowData, raster: Raster) -> FloatArray:
+    """Heights below the track, spread sideways.
+
+    Parameters
+    ----------
+    data : WindowData
+        The window.
+    raster : Raster
+        The grid.
+
+    Returns
+    -------
+    z : ndarray, shape (n_y, n_x)
+        A smooth surface [m]; far from the track the height of the nearest part of it.
+    """
+    height = data.sensors[:, :, 2].mean(axis=1) - data.altitude
+    place = data.sensors[:, :, :2].mean(axis=1)
+    sums, counts = np.zeros(raster.shape), np.full(raster.shape, 1e-12)
+    column = np.clip(((place[:, 0] - raster.origin[0]) / raster.spacing).round().astype(int), 0, raster.n_x - 1)
+    row = np.clip(((place[:, 1] - raster.origin[1]) / raster.spacing).round().astype(int), 0, raster.n_y - 1)
+    np.add.at(sums, (row, column), height - height.mean())
+    np.add.at(counts, (row, column), 1.0)
+    length = 0.35 * data.slant_range_max / raster.spacing
+    top, base = (gaussian_filter(a, length, truncate=6.0, mode="nearest") for a in (sums, counts))
+    return np.asarray(height.mean() + top / base)
+
+
+def resample(values: FloatArray, old: Raster, new: Raster) -> FloatArray:
+    """Interpolate a raster on another grid.
+
+    Parameters
+    ----------
+    values : ndarray, shape of old
+        Values at cell centres.
+    old, new : Raster
+        From where, to where.
+
+    Returns
+    -------
+    resampled : ndarray, shape of new
+        Cubic between the old cells, the edge's value beyond.
+    """
+    y = (new.origin[1] + new.spacing * np.arange(new.n_y) - old.origin[1]) / old.spacing
+    x = (new.origin[0] + new.spacing * np.arange(new.n_x) - old.origin[0]) / old.spacing
+    return np.asarray(map_coordinates(values, np.meshgrid(y, x, indexing="ij"), order=3, mode="nearest"))
+
+
+def _altimeter(data: WindowData, raster: Raster, config: JointConfig) -> Altimeter:
+    place = data.sensors[:, :, :2].mean(axis=1)
+    fx, fy = ((place - np.array(raster.origin)) / raster.spacing).T
+    column, row = fx.astype(int), fy.astype(int)
+    ax, ay = fx - column, fy - row
+    cells = np.stack([row * raster.n_x + column + o for o in (0, 1, raster.n_x, raster.n_x + 1)], axis=1)
+    weights = np.stack([(1 - ax) * (1 - ay), ax * (1 - ay), (1 - ax) * ay, ax * ay], axis=1)
+    n = len(place)
+    matrix = csr_array((weights.ravel(), (np.repeat(np.arange(n), 4), cells.ravel())), shape=(n, raster.n_cells))
+    step = np.hypot(*np.gradient(place, axis=0).T) if n > 1 else np.ones(1)
+    precision = np.minimum(step / config.altimeter_length, 1.0) / config.altimeter_sigma**2
+    return Altimeter(matrix, data.sensors[:, :, 2].mean(axis=1) - data.altitude, precision)
+
+
+def _sigma(
+    posterior: Posterior, solution: Solution, raster: Raster, how: tuple[JointConfig, np.random.Generator]
+) -> FloatArray:
+    """Standard deviation of heights from draws of the posterior at a coarser level, smoothed and inflated."""
+    config, rng = how
+    equations = posterior.curvature(solution.x, solution.mu)
+    draws = [solve(equations, equations.draw(rng), config.solver)[0] for _ in range(config.n_draws)]
+    variance = gaussian_filter(np.mean(np.square(draws), axis=0), 2.0)
+    return config.sigma_factor * np.sqrt(np.maximum(resample(variance, posterior.raster, raster), 1e-6))
+
+
+def _submap(
+    recording: Recording, window: Window, data: WindowData, posterior: Posterior, solution: Solution, sigma: FloatArray
+) -> Submap:
+    raster = posterior.raster
+    passed, seen = coverage(solution.x[0], raster, posterior.beams, data.slant_range_max)
+    known = lambda values: np.where(passed, values, np.nan)  # noqa: E731
+    return Submap(
+        window.number,
+        window.first_ping,
+        window.end_ping,
+        window.anchor_ping,
+        float(recording.ping_time[window.anchor_ping]),
+        data.T_world_submap,
+        data.T_submap_body,
+        Heightfield(known(solution.x[0]), raster.spacing, raster.origin),
+        known(sigma),
+        known(solution.x[1]),
+        passed & ~seen,
+    )

@@ -1,0 +1,197 @@
+"""A window made ready for inversion at one resolution: multilooked bins, beams in the submap frame, the raster."""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from frontend.arrays import FloatArray
+from frontend.bottom import Bottom
+from frontend.frames import invert, level, transform
+from frontend.geometry import transducer_positions
+from frontend.radiometry import Radiometry, to_intensity
+from frontend.recording import Recording
+from frontend.reconstruction.forward import Beams, Bins, Raster
+from frontend.windows import Window
+
+
+@dataclass(frozen=True)
+class WindowData:
+    """Everything a method needs of one window, in the submap frame.
+
+    Parameters
+    ----------
+    T_world_submap, T_submap_body : ndarray, shape (4, 4)
+        Level frame of the anchor; the anchor's roll and pitch.
+    T_submap_pings : ndarray, shape (P, 4, 4)
+        Bodies of the pings.
+    sensors : ndarray, shape (P, 2, 3)
+        Transducers, port and starboard [m].
+    intensity : ndarray, shape (P, 2, M)
+        Echo intensities.
+    sample_spacing : ndarray, shape (P,)
+        Slant range between samples [m].
+    altitude : ndarray, shape (P,)
+        Height above the seafloor [m].
+    first_bottom_return : ndarray, shape (P, 2)
+        Slant range of the first echo [m].
+    """
+
+    T_world_submap: FloatArray
+    T_submap_body: FloatArray
+    T_submap_pings: FloatArray
+    sensors: FloatArray
+    intensity: FloatArray
+    sample_spacing: FloatArray
+    altitude: FloatArray
+    first_bottom_return: FloatArray
+
+    @property
+    def slant_range_max(self) -> float:
+        """Longest slant range of any ping [m]."""
+        return float(self.sample_spacing.max() * self.intensity.shape[2])
+
+
+@dataclass(frozen=True)
+class BinModel:
+    """What an echo is worth to the likelihood.
+
+    Parameters
+    ----------
+    looks : float
+        Independent looks in one recorded sample.
+    looks_most : float
+        The most looks that a bin may count: the model is never better than that.
+    blur : float
+        Share of the mean echo added to both echo and model, so that dark bins and the edge of the water column do not
+        claim more than a bin's width can tell.
+    noise : ndarray, shape (2,)
+        Noise floor of each side, as intensity.
+    """
+
+    looks: float
+    looks_most: float
+    blur: float
+    noise: FloatArray
+
+
+def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry: Radiometry) -> WindowData:
+    """Collect a window's pings in the frame of its submap.
+
+    Parameters
+    ----------
+    recording : Recording
+        The dive.
+    window : Window
+        Which pings.
+    bottom : Bottom
+        First bottom returns and altitude of the dive.
+    radiometry : Radiometry
+        Says what the echoes are.
+
+    Returns
+    -------
+    data : WindowData
+        Arrays of the window's pings.
+    """
+    pings = slice(window.first_ping, window.end_ping)
+    poses = recording.trajectory_dr[pings].poses
+    T_world_body = poses[window.anchor_ping - window.first_ping]
+    T_world_submap = level(T_world_body)
+    T_submap_world = invert(T_world_submap)
+    echoes = np.stack([recording.port[pings], recording.starboard[pings]], axis=1)
+    return WindowData(
+        T_world_submap,
+        T_submap_world @ T_world_body,
+        T_submap_world @ poses,
+        transform(T_submap_world, transducer_positions(poses, recording.sonar)),
+        to_intensity(echoes, radiometry.quantity),
+        recording.sample_spacing[pings],
+        bottom.altitude[pings],
+        bottom.first_bottom_return[pings],
+    )
+
+
+def raster_of(data: WindowData, spacing: float) -> Raster:
+    """The grid that holds every line of the window.
+
+    Parameters
+    ----------
+    data : WindowData
+        The window.
+    spacing : float
+        Distance between cells [m].
+
+    Returns
+    -------
+    raster : Raster
+        Its origin is a whole multiple of 8 spacings, so that coarser grids nest.
+    """
+    reach = data.slant_range_max
+    side = data.T_submap_pings[:, :2, 1]
+    side = side / np.linalg.norm(side, axis=1, keepdims=True)
+    ground = np.sqrt(np.maximum(reach**2 - (0.5 * data.altitude) ** 2, 0.0))[:, None]
+    ends = np.concatenate([data.sensors[:, 0, :2] + ground * side, data.sensors[:, 1, :2] - ground * side])
+    margin = 2 * spacing
+    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    first = np.floor(low / spacing).astype(int)
+    last = np.ceil(high / spacing).astype(int)
+    return Raster(
+        int(last[1] - first[1] + 1), int(last[0] - first[0] + 1), spacing, (float(first[0] * spacing), float(first[1] * spacing))
+    )
+
+
+def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) -> tuple[Beams, Bins]:
+    """Average pings and samples to the resolution of a level.
+
+    Parameters
+    ----------
+    data : WindowData
+        The window.
+    width : float
+        Width of a slant-range bin [m].
+    group : int
+        Pings averaged to one line.
+    model : BinModel
+        What an echo is worth.
+
+    Returns
+    -------
+    beams, bins : Beams, Bins
+        Lines at the pose of their middle ping.
+    """
+    n_lines = len(data.intensity) // group
+    middle = np.arange(n_lines) * group + group // 2
+    n_bins = int(np.ceil(data.slant_range_max / width))
+    sums, counts = np.zeros((n_lines, 2, n_bins)), np.zeros((n_lines, 2, n_bins))
+    blanking = 0.6 * data.first_bottom_return
+    _multilook(data.intensity, data.sample_spacing, blanking, group, width, sums, counts)
+    mean = np.divide(sums, counts, out=np.ones_like(sums), where=counts > 0)
+    effective = np.where(counts > 0, 1.0 / (1.0 / np.maximum(counts * model.looks, 1e-9) + 1.0 / model.looks_most), 0.0)
+    blur = model.blur * _level_beyond(mean, counts)
+    rotation = data.T_submap_pings[middle, :3, :3]
+    side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
+    beams = Beams(data.sensors[middle], rotation[:, :, 0], side, rotation[:, :, 2])
+    return beams, Bins(mean + blur, effective, model.noise[:, None] + blur, width)
+
+
+def _level_beyond(mean: FloatArray, counts: FloatArray) -> FloatArray:
+    """Shape (2, B): the largest mean echo at each range or farther."""
+    total = np.maximum(counts.sum(axis=0), 1e-9)
+    profile = (mean * counts).sum(axis=0) / total
+    return np.asarray(np.maximum.accumulate(profile[:, ::-1], axis=1)[:, ::-1])
+
+
+@numba.njit(cache=True)
+def _multilook(intensity, spacing, blanking, group, width, sums, counts):  # type: ignore[no-untyped-def]
+    """Sum samples into slant-range bins; what lies before the water column's clean part says nothing."""
+    for line in range(sums.shape[0]):
+        for ping in range(line * group, (line + 1) * group):
+            for side in range(2):
+                for k in range(intensity.shape[2]):
+                    r = (k + 0.5) * spacing[ping]
+                    value = intensity[ping, side, k]
+                    b = int(r / width)
+                    if r > blanking[ping, side] and np.isfinite(value) and b < sums.shape[2]:
+                        sums[line, side, b] += value
+                        counts[line, side, b] += 1.0

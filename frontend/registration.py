@@ -1,0 +1,172 @@
+"""Registration: sub-cell alignment of two submaps by robust weighted least squares, with an honest covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from frontend.arrays import FloatArray
+from frontend.frames import planar_parameters, planar_pose
+from frontend.overlap import Layers, Overlap, lay_over
+
+
+class RegistrationConfig(BaseModel):
+    """How two submaps are aligned."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    n_iterations: int = Field(20, gt=0, description="Most Gauss-Newton steps [1]; ten are usual.")
+    max_step: float = Field(1.0, gt=0, description="Longest shift of one step [m]: a cell, or the linearisation fails.")
+    max_turn: float = Field(0.035, gt=0, description="Largest turn of one step [rad]: a cell at the edge of a submap.")
+    tuning: float = Field(
+        3.0, gt=0, description="Residuals [robust standard deviations] from which Tukey's weight is 0."
+    )
+    block: float = Field(
+        12.0, gt=0, description="Side of the squares [m] whose errors count as independent: beyond the errors' reach."
+    )
+    min_sigma: float = Field(
+        0.1, ge=0, description="Least standard deviation of x and y [m]: a tenth of a cell, the interpolation's error."
+    )
+    min_sigma_yaw: float = Field(
+        0.002, ge=0, description="Least standard deviation of the yaw [rad]: drift of the heading inside a window."
+    )
+    gauge_sigma: float = Field(
+        0.3, ge=0, description="Standard deviation of a window's height offset [m], which echoes hardly fix."
+    )
+    gauge_tilt: float = Field(
+        0.02, gt=0, description="Standard deviation of a window's tilt [rad], which echoes hardly fix."
+    )
+
+
+@dataclass(frozen=True)
+class Registration:
+    """An alignment and how good it is.
+
+    Parameters
+    ----------
+    T_target_source : ndarray, shape (4, 4)
+        Level: yaw and shift. The height brings the surfaces together.
+    sigmas : ndarray, shape (6,)
+        Standard deviations in the target frame [rad, rad, rad, m, m, m]; infinite where nothing fixes the pose.
+    tilt : ndarray, shape (2,)
+        Slope along the source's x and y of what is left between the two surfaces [1].
+    height_residual : float
+        Root mean square of the height difference after offset and tilt [its standard deviations].
+    overlap : Overlap
+        The cells compared.
+    """
+
+    T_target_source: FloatArray
+    sigmas: FloatArray
+    tilt: FloatArray
+    height_residual: float
+    overlap: Overlap
+
+
+def register(
+    target: Layers, source: Layers, T_target_source: FloatArray, config: RegistrationConfig | None = None
+) -> Registration:
+    """Align two submaps, starting from a transform within about a relief wavelength of the truth.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    T_target_source : ndarray, shape (4, 4)
+        Where to start.
+    config : RegistrationConfig, optional
+        Steps and floors.
+
+    Returns
+    -------
+    registration : Registration
+        x, y and yaw from the reliefs; height and tilt, the gauge of a reconstruction, from the heights.
+
+    Notes
+    -----
+    With ``e = z_source - z_target(T p)`` the Jacobian of x, y, yaw is ``-[s_x, s_y, s_y u - s_x v]`` where ``s`` is the
+    target's slope and ``(u, v)`` the turned source point: x and y are fixed by slope alone. The covariance is that of
+    clustered errors, ``H^-1 (sum_b g_b g_b^T) H^-1`` with the score ``g_b`` of each square of the overlap, as errors of
+    neighbouring cells are not independent.
+    """
+    config = config or RegistrationConfig()
+    planar = planar_parameters(T_target_source)
+    for _ in range(config.n_iterations):
+        step = _step(lay_over(target, source, planar), planar[2], config)
+        planar = (planar[0] + step[0], planar[1] + step[1], planar[2] + step[2])
+        if np.hypot(step[0], step[1]) < 1e-3 and abs(step[2]) < 1e-4:
+            break
+    overlap = lay_over(target, source, planar)
+    offset, tilt, height_residual = _gauge(overlap, config)
+    sigmas = _sigmas(overlap, planar[2], config)
+    return Registration(planar_pose(*planar, z=offset), sigmas, tilt, height_residual, overlap)
+
+
+def _jacobian(overlap: Overlap, yaw: float) -> FloatArray:
+    """Derivative of the target's relief at the source cells by x, y, yaw, shape (K, 3)."""
+    u = np.cos(yaw) * overlap.x - np.sin(yaw) * overlap.y
+    v = np.sin(yaw) * overlap.x + np.cos(yaw) * overlap.y
+    return np.column_stack([overlap.slope_x, overlap.slope_y, overlap.slope_y * u - overlap.slope_x * v])
+
+
+def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
+    """Trust times Tukey's biweight of the residual."""
+    residual = overlap.z_source - overlap.z_target
+    scale = 1.4826 * float(np.median(np.abs(residual))) + 1e-9
+    return np.asarray(overlap.weight * np.maximum(1 - (residual / (config.tuning * scale)) ** 2, 0.0) ** 2)
+
+
+def _step(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
+    """One Gauss-Newton step of x, y, yaw, shortened to its limits; zero where nothing fixes it."""
+    if len(overlap.x) < 3:
+        return np.zeros(3)
+    J, weight = _jacobian(overlap, yaw), _weights(overlap, config)
+    H = J.T @ (weight[:, None] * J)
+    if not np.linalg.cond(H) < 1e12:
+        return np.zeros(3)
+    step = np.linalg.solve(H, J.T @ (weight * (overlap.z_source - overlap.z_target)))
+    excess = max(float(np.hypot(step[0], step[1])) / config.max_step, abs(float(step[2])) / config.max_turn, 1.0)
+    return np.asarray(step / excess)
+
+
+def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
+    """Standard deviations of the transform, rotation first."""
+    planar = np.full(3, np.inf)
+    if len(overlap.x) >= 3:
+        J, weight = _jacobian(overlap, yaw), _weights(overlap, config)
+        planar = _clustered(J, weight, overlap.z_source - overlap.z_target, _blocks(overlap, config.block))
+    floor = np.array([config.min_sigma, config.min_sigma, config.min_sigma_yaw])
+    x, y, turn = np.hypot(planar, floor)
+    tilt, offset = np.sqrt(2) * config.gauge_tilt, np.sqrt(2) * config.gauge_sigma
+    return np.array([tilt, tilt, turn, x, y, offset])
+
+
+def _clustered(J: FloatArray, weight: FloatArray, residual: FloatArray, block: FloatArray) -> FloatArray:
+    """Standard deviations of least squares whose errors are independent between blocks only, shape (3,)."""
+    H = J.T @ (weight[:, None] * J)
+    n_blocks = int(block.max()) + 1
+    if n_blocks <= J.shape[1] or not np.linalg.cond(H) < 1e12:
+        return np.full(J.shape[1], np.inf)
+    scores = np.zeros((n_blocks, J.shape[1]))
+    np.add.at(scores, block, J * (weight * residual)[:, None])
+    inverse = np.linalg.inv(H)
+    covariance = inverse @ (scores.T @ scores) @ inverse * n_blocks / (n_blocks - J.shape[1])
+    return np.asarray(np.sqrt(np.diag(covariance)))
+
+
+def _blocks(overlap: Overlap, side: float) -> FloatArray:
+    """Number of the square that each source cell lies in, shape (K,)."""
+    cells = np.floor(np.column_stack([overlap.x, overlap.y]) / side)
+    return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1))
+
+
+def _gauge(overlap: Overlap, config: RegistrationConfig) -> tuple[float, FloatArray, float]:
+    """Offset, tilt and what is left of target minus source heights; the tilt held near 0 by its prior."""
+    if len(overlap.x) < 3:
+        return 0.0, np.zeros(2), float("nan")
+    A = np.column_stack([np.ones_like(overlap.x), overlap.x, overlap.y])
+    difference, weight = overlap.height_target - overlap.height_source, 1 / np.maximum(overlap.sigma, 1e-3) ** 2
+    prior = np.diag([0.0, 1.0, 1.0]) / (2 * config.gauge_tilt**2)
+    offset, *tilt = np.linalg.solve(A.T @ (weight[:, None] * A) + prior, A.T @ (weight * difference))
+    left = difference - A @ [offset, *tilt]
+    return float(offset), np.array(tilt), float(np.sqrt(np.mean(weight * left**2)))

@@ -1,0 +1,256 @@
+"""Relief: what of a submap's heights can be compared with another's, whatever its offset, tilt and long waves."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.ndimage import gaussian_filter
+
+from frontend.arrays import BoolArray, FloatArray
+from frontend.submaps import Submap
+
+
+class ReliefConfig(BaseModel):
+    """Which part of the heights is relief."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    longest: float = Field(
+        20.0,
+        gt=0,
+        description="Wavelength [m] of which half is kept: longer waves come from the altimeter and the smoothness, "
+        "not from the echoes.",
+    )
+    shortest: float = Field(
+        4.0,
+        ge=0,
+        description="Wavelength [m] of which half is kept: shorter waves are mostly error of the reconstruction. 0 keeps all.",
+    )
+    clip: float = Field(
+        3.0,
+        gt=0,
+        description="Heights beyond this many robust standard deviations [1] count as that many: one boulder is no place.",
+    )
+
+
+# A Gaussian of standard deviation s passes exp(-(2 pi s / wavelength)^2 / 2); half at wavelength = s / _HALF.
+_HALF = np.sqrt(2 * np.log(2)) / (2 * np.pi)
+_LONGEST_LAG = 20.0  # [m] beyond which an autocorrelation of one submap is mostly chance
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Band-passed rasters of a submap, on its grid.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n_y, n_x)
+        Relief [m]: heights without tilt, long waves, across-track profile and noise; 0 where the weight is 0.
+    weight : ndarray, shape (n_y, n_x)
+        Trust in each cell [1]: 0 where unknown or in shadow, else in (0, 1].
+    reflectivity : ndarray, shape (n_y, n_x)
+        Log-reflectivity treated like the heights [1].
+    height, sigma : ndarray, shape (n_y, n_x)
+        Heights as reconstructed and their standard deviations [m]; 0 and 1 where the weight is 0.
+    spacing : float
+        Distance between cells [m].
+    origin : tuple of float
+        x and y of the first cell in the submap frame [m].
+    """
+
+    z: FloatArray
+    weight: FloatArray
+    reflectivity: FloatArray
+    height: FloatArray
+    sigma: FloatArray
+    spacing: float
+    origin: tuple[float, float]
+
+    @cached_property
+    def is_trusted(self) -> BoolArray:
+        """Shape (n_y, n_x): cells of positive weight."""
+        return np.asarray(self.weight > 0)
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the trusted cells [m^2]."""
+        return float(self.is_trusted.sum()) * self.spacing**2
+
+    @cached_property
+    def correlation_area(self) -> float:
+        """Integral of the squared autocorrelation of the relief [m^2]: how much floor tells one independent thing."""
+        return correlation_area(self.z, self.weight, self.spacing)
+
+    @cached_property
+    def reflectivity_correlation_area(self) -> float:
+        """Integral of the squared autocorrelation of the reflectivity [m^2]."""
+        return correlation_area(self.reflectivity, self.weight, self.spacing)
+
+    @cached_property
+    def information(self) -> float:
+        """Root-mean-square relief over the median height sigma [1]; below about 1 there is nothing to recognise."""
+        if not self.is_trusted.any():
+            return 0.0
+        return _rms(self.z, self.weight) / float(np.median(self.sigma[self.is_trusted]))
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """Shape (2,): centroid of the trusted cells in the submap frame [m]."""
+        rows, columns = np.nonzero(self.is_trusted)
+        return np.array([columns.mean(), rows.mean()]) * self.spacing + np.array(self.origin)
+
+
+def extract_relief(submap: Submap, config: ReliefConfig | None = None) -> Relief:
+    """Take what is comparable out of a submap.
+
+    Parameters
+    ----------
+    submap : Submap
+        Heights, sigmas, reflectivity and shadow.
+    config : ReliefConfig, optional
+        The band of wavelengths.
+
+    Returns
+    -------
+    relief : Relief
+        Rasters without NaN; cells that are unknown, in shadow or without a usable sigma have weight 0.
+    """
+    config = config or ReliefConfig()
+    known = submap.is_known & np.isfinite(submap.sigma) & (submap.sigma >= 0) & ~submap.is_shadow
+    height, sigma = np.where(known, submap.surface.z, 0.0), np.where(known, submap.sigma, 1.0)
+    spacing = submap.surface.spacing
+    z = band_pass(height, known.astype(np.float64), spacing, config)
+    weight = known / (1 + (sigma / max(_rms(z, known), 1e-9)) ** 2)
+    z = _clipped(band_pass(height, weight, spacing, config), weight, config.clip)
+    reflectivity = band_pass(np.nan_to_num(submap.log_reflectivity), weight, spacing, config)
+    return Relief(z, weight, reflectivity, height, sigma, spacing, submap.surface.origin)
+
+
+def band_pass(values: FloatArray, weight: FloatArray, spacing: float, config: ReliefConfig) -> FloatArray:
+    """Keep a band of wavelengths of a raster with gaps.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_y, n_x)
+        A raster, finite everywhere.
+    weight : ndarray, shape (n_y, n_x)
+        Trust in each cell [1]; cells of weight 0 have no influence.
+    spacing : float
+        Distance between cells [m].
+    config : ReliefConfig
+        The band.
+
+    Returns
+    -------
+    passed : ndarray, shape (n_y, n_x)
+        The raster without its plane, its long and short waves, and its mean across-track profile; 0 where the weight is.
+
+    Notes
+    -----
+    Smoothing is by normalised convolution with a Gaussian. The grid's x axis runs along the track, so an error of the
+    beam pattern or of the altitude is the same all along a row: the mean of each row is taken out.
+    """
+    values = values - _plane(values, weight)
+    values = values - _smooth(values, weight, config.longest * _HALF / spacing)
+    values = values - _row_means(values, weight)
+    values = _smooth(values, weight, config.shortest * _HALF / spacing) if config.shortest > 0 else values
+    return np.asarray(np.where(weight > 0, values, 0.0))
+
+
+def coarsen(relief: Relief, spacing: float) -> Relief:
+    """Mean a relief over square blocks of cells.
+
+    Parameters
+    ----------
+    relief : Relief
+        Rasters of a submap.
+    spacing : float
+        Spacing wanted [m]; taken to the nearest whole number of cells, at least one.
+
+    Returns
+    -------
+    coarse : Relief
+        Weighted means of the blocks; a block trusts as much as its cells do on average.
+    """
+    n = max(round(spacing / relief.spacing), 1)
+    weight = _block_means(relief.weight, n)
+    z, reflectivity, height, sigma = (
+        _block_means(relief.weight * a, n) / np.maximum(weight, 1e-12)
+        for a in (relief.z, relief.reflectivity, relief.height, relief.sigma)
+    )
+    shift = (n - 1) / 2 * relief.spacing
+    origin = (relief.origin[0] + shift, relief.origin[1] + shift)
+    return Relief(z, weight, reflectivity, height, np.where(weight > 0, sigma, 1.0), n * relief.spacing, origin)
+
+
+def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> float:
+    """Integral of the squared autocorrelation of a raster with gaps.
+
+    Two unrelated rasters that overlap by an area A correlate by chance with a variance of about this area over A.
+
+    Parameters
+    ----------
+    values, weight : ndarray, shape (n_y, n_x)
+        A raster of zero mean and the trust in its cells [1].
+    spacing : float
+        Distance between cells [m].
+
+    Returns
+    -------
+    area : float
+        The integral over lags up to 20 m [m^2], at least one cell; infinite for a raster that is constant.
+    """
+    shape = tuple(next_fast_len(2 * n - 1, real=True) for n in values.shape)
+    power, count = (irfft2(np.abs(rfft2(a, shape)) ** 2, shape) for a in (values * weight, weight))
+    if not power[0, 0] > 1e-12 * count[0, 0]:
+        return float("inf")
+    covariance = power / np.maximum(count, 0.05 * count[0, 0])
+    lag = np.hypot(*np.meshgrid(*(_lags(n, spacing) for n in shape), indexing="ij"))
+    return float(np.sum((covariance / covariance[0, 0])[lag <= _LONGEST_LAG] ** 2)) * spacing**2
+
+
+def _block_means(values: FloatArray, n: int) -> FloatArray:
+    """Means of blocks of n by n cells, the raster filled up with 0."""
+    rows, columns = (-(-size // n) for size in values.shape)
+    padded = np.pad(values, [(0, rows * n - values.shape[0]), (0, columns * n - values.shape[1])])
+    return np.asarray(padded.reshape(rows, n, columns, n).mean(axis=(1, 3)))
+
+
+def _lags(n: int, spacing: float) -> FloatArray:
+    """Signed lags of a circular correlation of n cells [m]."""
+    return np.asarray(np.fft.fftfreq(n, 1 / n) * spacing)
+
+
+def _rms(values: FloatArray, weight: FloatArray | BoolArray) -> float:
+    """Weighted root mean square; 0 where nothing is known."""
+    return float(np.sqrt(np.sum(weight * values**2) / max(np.sum(weight), 1e-12)))
+
+
+def _plane(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """The weighted least-squares plane."""
+    rows, columns = np.meshgrid(*(np.linspace(-1, 1, n) for n in values.shape), indexing="ij")
+    basis = np.stack([np.ones_like(rows), rows, columns])
+    normal = np.einsum("iyx,jyx,yx->ij", basis, basis, weight)
+    return np.asarray(np.tensordot(np.linalg.pinv(normal) @ np.einsum("iyx,yx->i", basis, weight * values), basis, 1))
+
+
+def _smooth(values: FloatArray, weight: FloatArray, sigma: float) -> FloatArray:
+    """Normalised convolution with a Gaussian of ``sigma`` cells."""
+    blurred, total = (gaussian_filter(a, sigma, mode="constant", truncate=3.0) for a in (values * weight, weight))
+    return np.asarray(blurred / np.maximum(total, 1e-12))
+
+
+def _row_means(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Weighted mean of each row, shape (n_y, 1)."""
+    return np.asarray(
+        (values * weight).sum(axis=1, keepdims=True) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
+    )
+
+
+def _clipped(z: FloatArray, weight: FloatArray, limit: float) -> FloatArray:
+    """The relief with its outliers drawn in to ``limit`` robust standard deviations."""
+    trusted = z[weight > 0]
+    scale = 1.4826 * float(np.median(np.abs(trusted))) if trusted.size else 0.0
+    return np.asarray(np.clip(z, -limit * scale, limit * scale)) if scale > 0 else z

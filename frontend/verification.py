@@ -1,0 +1,108 @@
+"""Verification: a dense check of a candidate, how well two submaps agree there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frontend.arrays import FloatArray
+from frontend.chance import significance
+from frontend.overlap import Layers
+from frontend.registration import RegistrationConfig, register
+from frontend.relief import Relief
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What a dense comparison says of a candidate.
+
+    Parameters
+    ----------
+    T_target_source : ndarray, shape (4, 4)
+        The refined transform.
+    sigmas : ndarray, shape (6,)
+        Its standard deviations in the target frame [rad, rad, rad, m, m, m].
+    correlation, significance : float
+        Of the reliefs over the overlap [1], and in standard deviations above chance.
+    reflectivity_correlation, reflectivity_significance : float
+        The same of the reflectivities, a second witness.
+    overlap : float
+        Share of the smaller submap that the other covers [1].
+    overlap_area, correlation_area : float
+        Area compared, and how much of it tells one independent thing [m^2].
+    height_residual : float
+        Root-mean-square height difference after offset and tilt [its standard deviations].
+    tilt : float
+        Slope left between the two surfaces [1].
+    """
+
+    T_target_source: FloatArray
+    sigmas: FloatArray
+    correlation: float
+    significance: float
+    reflectivity_correlation: float
+    reflectivity_significance: float
+    overlap: float
+    overlap_area: float
+    correlation_area: float
+    height_residual: float
+    tilt: float
+
+
+def verify(
+    target: Layers, source: Layers, T_target_source: FloatArray, config: RegistrationConfig | None = None
+) -> Verification:
+    """Refine a candidate and measure how well the two submaps agree there.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    T_target_source : ndarray, shape (4, 4)
+        The candidate.
+    config : RegistrationConfig, optional
+        Steps and floors of the refinement.
+
+    Returns
+    -------
+    verification : Verification
+        Numbers only; what they are worth is decided in `frontend.loop_closures`.
+    """
+    registration = register(target, source, T_target_source, config)
+    overlap = registration.overlap
+    area = joint_area(target.relief, source.relief)
+    area_r = float(np.sqrt(target.relief.reflectivity_correlation_area * source.relief.reflectivity_correlation_area))
+    return Verification(
+        T_target_source=registration.T_target_source,
+        sigmas=registration.sigmas,
+        correlation=overlap.correlation,
+        significance=_significance(overlap.correlation, overlap.area, area),
+        reflectivity_correlation=overlap.reflectivity_correlation,
+        reflectivity_significance=_significance(overlap.reflectivity_correlation, overlap.area, area_r),
+        overlap=overlap.share,
+        overlap_area=overlap.area,
+        correlation_area=area,
+        height_residual=registration.height_residual,
+        tilt=float(np.hypot(*registration.tilt)),
+    )
+
+
+def joint_area(target: Relief, source: Relief) -> float:
+    """Floor that tells one independent thing about two reliefs together.
+
+    Parameters
+    ----------
+    target, source : Relief
+        The two reliefs.
+
+    Returns
+    -------
+    area : float
+        Geometric mean of their correlation areas [m^2], an upper bound of the integral of the product of the two
+        autocorrelations (Cauchy-Schwarz).
+    """
+    return float(np.sqrt(target.correlation_area * source.correlation_area))
+
+
+def _significance(correlation: float, overlap_area: float, correlation_area: float) -> float:
+    """Significance of one correlation."""
+    return float(significance(np.array(correlation), np.array(overlap_area), correlation_area))

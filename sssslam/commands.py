@@ -1,0 +1,234 @@
+"""What the commands do: read, run, write, and tell the person at the terminal."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from frontend.bottom import find_bottom
+from frontend.reconstruction import calibrate
+from frontend.recording import Recording
+from frontend.windows import sliding_windows
+from sssslam.config import Config, default_toml, load_config, resolve
+from sssslam.health import examine
+from sssslam.pipeline import notes, reconstruct_windows, slam
+from sssslam.products.result import Result
+from sssslam.readers import read
+from sssslam.readers.netcdf_writing import write_netcdf
+from sssslam.simulation import load_scene, scene_names, simulate, with_seed
+from sssslam.watch import Watch
+
+Item = TypeVar("Item")
+out_console = Console(soft_wrap=True, highlight=False)
+progress_console = Console(stderr=True)
+
+
+class Shown(Watch):
+    """A watch that draws a bar with rate and time left on a terminal, and nothing in a pipe."""
+
+    def track(self, name: str, items: Sequence[Item]) -> Iterator[Item]:
+        """As `Watch.track`, with a bar.
+
+        Parameters
+        ----------
+        name : str
+            The stage.
+        items : sequence
+            What it goes through.
+
+        Yields
+        ------
+        item
+            Each of the items.
+        """
+        columns = (TextColumn("{task.description:>15}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"))
+        with Progress(*columns, TimeRemainingColumn(), console=progress_console, transient=True) as progress:
+            bar = progress.add_task(name, total=len(items), rate="")
+            for item in super().track(name, items):
+                yield item
+                speed = progress.tasks[bar].speed
+                progress.update(bar, advance=1, rate=f"{speed:.1f}/s" if speed else "")
+
+
+def configuration(path: Path | None, settings: Sequence[str] | None) -> Config:
+    """The configuration that the options ask for.
+
+    Parameters
+    ----------
+    path : Path or None
+        A TOML file.
+    settings : sequence of str or None
+        ``section.key=value``.
+
+    Returns
+    -------
+    config : Config
+        Checked.
+    """
+    return load_config(path, settings or ())
+
+
+def run(recordings: Sequence[Path], out: Path, channels: str | None, config: Config) -> None:
+    """Correct the track of a dive and write every product.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Its files.
+    out : Path
+        Folder for the products.
+    channels : str or None
+        Which channels of a dual-frequency file.
+    config : Config
+        Settings.
+    """
+    _check_folder(out)
+    result = _slam(read(*recordings, channels=channels), config)
+    result.write(out)
+    _say_result(result, out)
+
+
+def demo(out: Path, seed: int | None, config: Config) -> None:
+    """Simulate a survey, run on it, compare with the truth.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the products.
+    seed : int or None
+        Another seed than the scene's.
+    config : Config
+        Settings.
+    """
+    _check_folder(out)
+    scene = load_scene("demo")
+    with progress_console.status("simulating the survey"):
+        recording = simulate(scene if seed is None else with_seed(scene, seed))
+    result = _slam(recording, config)
+    result.write(out)
+    _say_result(result, out)
+
+
+def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
+    """Simulate a recording with truth and write it.
+
+    Parameters
+    ----------
+    scene : str
+        Name of a shipped scene, or a TOML file.
+    out : Path
+        The file, .nc.
+    seed : int or None
+        Another seed than the scene's.
+    """
+    chosen = load_scene(scene)
+    with progress_console.status("simulating"):
+        recording = simulate(chosen if seed is None else with_seed(chosen, seed))
+    write_netcdf(recording, out)
+    out_console.print(f"{out}: {recording.n_pings} pings over {recording.trajectory_dr.distance[-1]:.0f} m")
+
+
+def list_scenes() -> None:
+    """Show the shipped scenes, a line each."""
+    for name in scene_names():
+        out_console.print(f"{name:16s} {load_scene(name).description}")
+
+
+def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, config: Config) -> None:
+    """Reconstruct the seafloor window by window.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Files of one dive.
+    out : Path
+        Folder for the submaps and their figure.
+    channels : str or None
+        Which channels of a dual-frequency file.
+    config : Config
+        Settings.
+    """
+    from sssslam.products.shape import write_shape
+
+    _check_folder(out)
+    recording = read(*recordings, channels=channels)
+    config, watch = resolve(config, recording), Shown()
+    reach = float(recording.slant_range_max.max())
+    windows = sliding_windows(recording.trajectory_dr, reach, config.windows)
+    bottom = find_bottom(recording, config.bottom)
+    radiometry = calibrate(recording, windows, bottom, config.radiometry, config.reconstruction.joint)
+    _say(notes(recording, bottom, radiometry, config))
+    submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
+    write_shape(recording, submaps, bottom.first_bottom_return, out)
+    out_console.print(f"{len(submaps)} submaps in {out / 'submaps'}; look at {out / 'figures' / 'submaps.png'}")
+
+
+def info(recordings: Sequence[Path], channels: str | None) -> None:
+    """Say what is in a recording and what looks wrong.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Files of one dive.
+    channels : str or None
+        Which channels of a dual-frequency file.
+    """
+    recording = read(*recordings, channels=channels)
+    health = examine(recording)
+    for what, value in health.rows:
+        out_console.print(f"{what:24s} {value}", markup=False)
+    _say(recording.notes)
+    for finding in health.findings:
+        out_console.print(f"! {finding.what}: {finding.advice}", markup=False)
+
+
+def convert(recordings: Sequence[Path], file: Path, channels: str | None) -> None:
+    """Convert recordings to the open container.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Files of one dive.
+    file : Path
+        The file to write.
+    channels : str or None
+        Which channels of a dual-frequency file.
+    """
+    recording = read(*recordings, channels=channels)
+    write_netcdf(recording, file)
+    _say(recording.notes)
+    out_console.print(f"{file}: {recording.n_pings} pings of {recording.n_samples} samples a side")
+
+
+def show_config() -> None:
+    """Print the default configuration."""
+    print(default_toml(), end="")
+
+
+def _slam(recording: Recording, config: Config) -> Result:
+    result = slam(recording, config, Shown())
+    _say(result.notes)
+    return result
+
+
+def _say(lines: Sequence[str]) -> None:
+    for line in lines:
+        out_console.print(f"- {line}", markup=False)
+
+
+def _say_result(result: Result, out: Path) -> None:
+    accepted = sum(closure.accepted for closure in result.loop_closures)
+    moved = result.trajectory.positions - result.recording.trajectory_dr.positions
+    out_console.print(
+        f"{len(result.submaps)} submaps, {len(result.loop_closures)} candidates, {accepted} loop closures; "
+        f"track moved by up to {((moved**2).sum(axis=1) ** 0.5).max():.1f} m"
+    )
+    out_console.print(f"report: {out / 'report.html'}")
+
+
+def _check_folder(out: Path) -> None:
+    """Say before the work, not after it, that the products have no place."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a file; a folder for the products is wanted")

@@ -1,0 +1,161 @@
+"""The configuration: every stage's section gathered, read from TOML, resolved with the data."""
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from backend.consistency import ConsistencyConfig
+from backend.dead_reckoning import DeadReckoningConfig
+from backend.pose_graph import PoseGraphConfig
+from frontend.bottom import BottomConfig
+from frontend.features import FeatureConfig
+from frontend.loop_closures import LoopClosureConfig
+from frontend.radiometry import RadiometryConfig
+from frontend.reconstruction import ReconstructionConfig
+from frontend.reconstruction.joint import cell_spacing
+from frontend.recording import Recording
+from frontend.windows import WindowConfig, window_length
+
+
+class Config(BaseModel):
+    """All sections; each lives beside its stage."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    windows: WindowConfig = WindowConfig()
+    bottom: BottomConfig = BottomConfig()
+    radiometry: RadiometryConfig = RadiometryConfig()
+    reconstruction: ReconstructionConfig = ReconstructionConfig()
+    features: FeatureConfig = FeatureConfig()
+    loop_closures: LoopClosureConfig = LoopClosureConfig()
+    dead_reckoning: DeadReckoningConfig = DeadReckoningConfig()
+    consistency: ConsistencyConfig = ConsistencyConfig()
+    pose_graph: PoseGraphConfig = PoseGraphConfig()
+    seed: int = Field(0, ge=0, description="Seed of every random draw [1].")
+
+
+def load_config(path: str | Path | None = None, settings: Iterable[str] = ()) -> Config:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    path : str or Path or None
+        A TOML file with any of the sections and keys; what it leaves out has its default.
+    settings : iterable of str
+        ``section.key=value``, applied after the file.
+
+    Returns
+    -------
+    config : Config
+        Checked.
+
+    Raises
+    ------
+    ValueError
+        One line that names the first key that is unknown or has a wrong value.
+    """
+    tree: dict[str, Any] = {}
+    if path is not None:
+        try:
+            tree = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path} is no TOML: {error}") from None
+    for setting in settings:
+        _apply(tree, setting)
+    try:
+        return Config.model_validate(tree)
+    except ValidationError as error:
+        raise ValueError(_explain(error)) from None
+
+
+def resolve(config: Config, recording: Recording) -> Config:
+    """Fill in what is left to the data.
+
+    Parameters
+    ----------
+    config : Config
+        A configuration with open keys.
+    recording : Recording
+        Its range says how long a window and how large a cell is.
+
+    Returns
+    -------
+    resolved : Config
+        The same with every key set.
+    """
+    reach = float(recording.slant_range_max.max())
+    windows = config.windows.model_copy(update={"length": window_length(reach, config.windows)})
+    joint = config.reconstruction.joint
+    joint = joint.model_copy(update={"spacing": joint.spacing or cell_spacing(reach)})
+    reconstruction = config.reconstruction.model_copy(update={"joint": joint})
+    return config.model_copy(update={"windows": windows, "reconstruction": reconstruction})
+
+
+def default_toml() -> str:
+    """The default configuration as TOML, each key with its unit and reason.
+
+    Returns
+    -------
+    text : str
+        TOML that `load_config` reads back to the defaults.
+    """
+    document = tomlkit.document()
+    _document(document, Config())
+    return tomlkit.dumps(document)
+
+
+def _document(table: Any, section: BaseModel) -> None:
+    """Add the keys of a section, then its own sections; what the data decide stands in a comment."""
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            continue
+        table.add(tomlkit.comment(field.description or name))
+        table.add(tomlkit.comment(f"{name} =") if value is None else name, *([] if value is None else [value]))
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            child = tomlkit.table()
+            _document(child, value)
+            table.add(name, child)
+
+
+def _apply(tree: dict[str, Any], setting: str) -> None:
+    key, equals, text = setting.partition("=")
+    if not equals or not key.strip():
+        raise ValueError(f"a setting reads section.key=value, got {setting!r}")
+    try:
+        value = tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    *sections, last = key.strip().split(".")
+    for section in sections:
+        tree = tree.setdefault(section, {})
+        if not isinstance(tree, dict):
+            raise ValueError(f"{section} in {setting!r} is a key, not a section")
+    tree[last] = value
+
+
+def _explain(error: ValidationError) -> str:
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = _keys(first["loc"][:-1])
+        close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
+        return f"the configuration has no key {where}; {hint}"
+    message = first["msg"][:1].lower() + first["msg"][1:]
+    given = first["input"]
+    return f"{where} of the configuration: {message}, got {'a section' if isinstance(given, Mapping) else repr(given)}"
+
+
+def _keys(path: tuple[str | int, ...]) -> list[str]:
+    section: Any = Config()
+    for name in path:
+        section = getattr(section, str(name))
+    return list(type(section).model_fields)

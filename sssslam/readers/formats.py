@@ -1,0 +1,132 @@
+"""Formats: which reader understands a file, told by its first bytes and never by its name."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from frontend.recording import Recording
+
+HEAD_SIZE = 1024
+ENTRY_POINTS = "sssslam.readers"
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A format that recordings come in; another package offers its own as an entry point of the group `ENTRY_POINTS`.
+
+    Parameters
+    ----------
+    name : str
+        The format, as users call it.
+    recognises : callable
+        Takes the first `HEAD_SIZE` bytes of a file (or all, if shorter), says whether it is of this format.
+    read : callable
+        Takes the files of this format and the channels wanted (None: the reader's choice), gives one recording a file
+        in any order, or raises a ValueError of one line that starts with the file's name.
+    """
+
+    name: str
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Sequence[Path], str | None], list[Recording]]
+
+
+# A reader's module is imported when one of its files is read: xarray alone loads longer than the command line.
+def _read_xtf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.xtf import read_xtf_files
+
+    return read_xtf_files(paths, channels)
+
+
+def _read_netcdf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.netcdf import read_netcdf
+
+    if channels is not None:
+        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; this container holds one pair only")
+    return [read_netcdf(path) for path in paths]
+
+
+def _is_xtf(head: bytes) -> bool:
+    """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
+    return head[:1] == b"\x7b" and b"\0" in head
+
+
+def _is_netcdf(head: bytes) -> bool:
+    """Signature of HDF5, in which NetCDF-4 is kept, or of a classic NetCDF."""
+    return head.startswith((b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05"))
+
+
+BUILT_IN = (Reader("XTF", _is_xtf, _read_xtf), Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf))
+
+
+def known_readers() -> list[Reader]:
+    """The readers that come with the package and those that other packages offer.
+
+    Returns
+    -------
+    readers : list of Reader
+        The first that recognises a file reads it.
+    """
+    return [*BUILT_IN, *filter(None, (_load(entry) for entry in entry_points(group=ENTRY_POINTS)))]
+
+
+def _load(entry: object) -> Reader | None:
+    """The reader of an entry point; None, with a warning, if it cannot be loaded."""
+    try:
+        reader = entry.load()  # type: ignore[attr-defined]
+    except Exception as error:
+        _logger.warning("reader %s cannot be loaded: %s", entry, error)
+        return None
+    if not isinstance(reader, Reader):
+        _logger.warning("reader %s is a %s; a sssslam.readers.Reader is wanted", entry, type(reader).__name__)
+        return None
+    return reader
+
+
+def find_reader(path: Path, readers: Sequence[Reader]) -> Reader:
+    """The reader of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    readers : sequence of Reader
+        The readers to choose from.
+
+    Returns
+    -------
+    reader : Reader
+        The first that recognises the file.
+
+    Raises
+    ------
+    ValueError
+        If the path is no readable, filled file, or of an unknown format.
+    """
+    if path.is_dir():
+        raise ValueError(f"{path}: this is a directory; a recording file is wanted")
+    if not path.exists():
+        raise ValueError(f"{path}: there is no such file; a recording is wanted")
+    if not path.is_file():
+        raise ValueError(f"{path}: this is no regular file; a recording is wanted")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_SIZE)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be opened ({error.strerror}); a readable recording is wanted") from None
+    if not head:
+        raise ValueError(f"{path}: the file is empty; a recording is wanted")
+    for reader in readers:
+        if reader.recognises(head):
+            return reader
+    names = " or ".join(reader.name for reader in readers)
+    raise ValueError(f"{path}: the format is unknown ({_first_look(head)}); {names} is wanted")
+
+
+def _first_look(head: bytes) -> str:
+    """What an unknown file looks like."""
+    is_text = not set(head) - set(range(0x20, 0x7F)) - set(b"\t\n\r\f") or not head.strip()
+    return "it is text" if is_text else f"it starts with the bytes {head[:4].hex(' ')}"

@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from backend.correction import spread_correction, spread_sigmas
+from backend.dead_reckoning import DeadReckoning, DeadReckoningConfig
+
+
+def turned(T, yaw, shift):
+    """Poses turned about the world's vertical and shifted."""
+    G = np.eye(4)
+    G[:3, :3], G[:3, 3] = Rotation.from_rotvec([0.0, 0.0, yaw]).as_matrix(), shift
+    return G @ T
+
+
+def yaw_of(T):
+    return np.arctan2(T[:, 1, 0], T[:, 0, 0])
+
+
+@pytest.fixture(scope="module")
+def track(make_survey):
+    survey = make_survey(0, n_legs=3, n_ties=1)
+    return survey.time, survey.T_world_body_dr
+
+
+@pytest.fixture(scope="module")
+def straight(poses):
+    """A run to the east at 1 m/s, a ping every 0.1 s."""
+    time = np.arange(0.0, 100.0, 0.1)
+    return time, poses(np.pad(time[:, None], ((0, 0), (0, 2))), np.zeros(len(time)))
+
+
+def test_anchors_that_stay_leave_every_ping_bit_for_bit(track):
+    time, T = track
+    T = T.copy()
+    T[3, 2, 3] = -0.0
+    pings = np.arange(10, len(time), 40)
+    assert spread_correction(time, T, pings, T[pings]).tobytes() == T.tobytes()
+
+
+def test_pings_between_two_anchors_that_stay_are_left_bit_for_bit_though_a_third_moves(track):
+    time, T = track
+    pings, anchors = np.array([10, 50, 90, 130]), T[[10, 50, 90, 130]].copy()
+    anchors[3, :3, 3] += 1.0
+    corrected = spread_correction(time, T, pings, anchors)
+    assert corrected[:91].tobytes() == T[:91].tobytes()
+    assert not np.array_equal(corrected[91:], T[91:])
+
+
+@settings(max_examples=25)
+@given(st.floats(-3.0, 3.0), st.tuples(*[st.floats(-100.0, 100.0)] * 3))
+def test_one_motion_of_all_anchors_moves_every_ping_by_it(track, yaw, shift):
+    time, T = track
+    pings = np.arange(10, len(time), 40)
+    corrected = spread_correction(time, T, pings, turned(T[pings], yaw, shift))
+    np.testing.assert_allclose(corrected, turned(T, yaw, shift), rtol=0, atol=1e-9)
+
+
+def test_anchors_are_met_exactly(track):
+    time, T = track
+    pings, rng = np.arange(10, len(time), 40), np.random.default_rng(0)
+    anchors = T[pings].copy()
+    anchors[:, :3, :3] = Rotation.from_rotvec(0.05 * rng.normal(size=(len(pings), 3))).as_matrix() @ anchors[:, :3, :3]
+    anchors[:, :3, 3] += rng.normal(size=(len(pings), 3))
+    assert np.array_equal(spread_correction(time, T, pings, anchors)[pings], anchors)
+
+
+def test_before_the_first_and_after_the_last_anchor_the_track_goes_on_rigidly(straight):
+    time, T = straight
+    anchors = np.stack([turned(T[300], 0.0, [0.0, 1.0, 0.0]), T[700]])
+    anchors[1, :2, :2] = [[0.0, -1.0], [1.0, 0.0]]  # a quarter turn to port
+    corrected = spread_correction(time, T, [300, 700], anchors)
+    np.testing.assert_allclose(corrected[:300, :3, 3], T[:300, :3, 3] + [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(corrected[701:, 0, 3], T[700, 0, 3], atol=1e-12)
+    np.testing.assert_allclose(corrected[701:, 1, 3], T[701:, 0, 3] - T[700, 0, 3], atol=1e-12)
+
+
+def test_position_velocity_and_acceleration_are_continuous_at_an_anchor(straight):
+    time, T = straight
+    pings, anchors = np.array([200, 500, 800]), T[[200, 500, 800]]
+    anchors = np.stack(
+        [anchors[0], turned(anchors[1], 0.02, [0.0, -8.0, 0.0]), turned(anchors[2], -0.03, [0.0, 26.0, 0.0])]
+    )
+    x = spread_correction(time, T, pings, anchors)[:, :3, 3]
+    velocity, acceleration = np.diff(x, axis=0) / 0.1, np.diff(x, n=2, axis=0) / 0.01
+    # the third derivative of a quintic step of 30 m over 30 s is below 60 * 30 / 30**3 = 0.07 m/s**3
+    assert np.abs(np.diff(acceleration, axis=0)).max() < 0.1 * 0.1
+    assert np.abs(np.diff(velocity, axis=0)).max() < 0.2 * 0.1
+    assert np.abs(acceleration[498]).max() < 0.01
+
+
+def test_half_way_in_time_both_anchors_count_alike(straight):
+    time, T = straight
+    anchors = np.stack([T[200], turned(T[600], 0.0, [0.0, 2.0, 0.0])])
+    corrected = spread_correction(time, T, [200, 600], anchors)
+    np.testing.assert_allclose(corrected[400, :3, 3] - T[400, :3, 3], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_depth_roll_and_pitch_stay_as_measured_where_anchors_only_turn_and_shift(track):
+    time, T = track
+    pings, rng = np.arange(10, len(time), 40), np.random.default_rng(1)
+    anchors = np.stack([turned(T[ping], *[0.1 * rng.normal(), [*rng.normal(size=2), 0.0]]) for ping in pings])
+    anchors[:, :2, 3] = T[pings, :2, 3] + rng.normal(size=(len(pings), 2))
+    corrected = spread_correction(time, T, pings, anchors)
+    np.testing.assert_allclose(corrected[:, 2, 3], T[:, 2, 3], atol=1e-12)
+    np.testing.assert_allclose(corrected[:, 2, :3], T[:, 2, :3], atol=1e-12)  # the vertical as the body sees it
+
+
+def test_yaw_goes_the_short_way_across_the_half_turn(straight):
+    time, T = straight
+    west = turned(T, np.pi - 0.01, [0.0, 0.0, 0.0])
+    anchors = np.stack([west[200], turned(west[600], 0.02, [0.0, 0.0, 0.0])])
+    change = yaw_of(np.swapaxes(west, 1, 2)[:, :3, :3] @ spread_correction(time, west, [200, 600], anchors)[:, :3, :3])
+    assert change.min() > -1e-9
+    assert change.max() < 0.02 + 1e-9
+
+
+def test_one_anchor_moves_the_whole_track(straight):
+    time, T = straight
+    corrected = spread_correction(time, T, [500], turned(T[500], 0.1, [1.0, 2.0, 3.0])[None])
+    np.testing.assert_allclose(corrected, turned(T, 0.1, [1.0, 2.0, 3.0]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pings", "n_anchors", "message"),
+    [
+        ([1, 2], 3, r"one ping an anchor is wanted, got pings of shape \(2,\) for 3 anchors"),
+        ([], 0, r"one ping an anchor is wanted, got pings of shape \(0,\) for 0 anchors"),
+        ([5, 5], 2, r"anchor pings must increase strictly within 0\.\.999, got 5\.\.5"),
+        ([5, 1000], 2, r"anchor pings must increase strictly within 0\.\.999, got 5\.\.1000"),
+        ([-1, 5], 2, r"anchor pings must increase strictly within 0\.\.999, got -1\.\.5"),
+    ],
+)
+def test_anchors_that_are_no_pings_of_the_track_are_refused(straight, pings, n_anchors, message):
+    time, T = straight
+    with pytest.raises(ValueError, match=message):
+        spread_correction(time, T, pings, T[:n_anchors])
+
+
+def test_times_that_do_not_fit_the_poses_are_refused(straight):
+    time, T = straight
+    with pytest.raises(ValueError, match=r"one time a pose is wanted, got \(999,\) times and 1000 poses"):
+        spread_correction(time[1:], T, [5], T[:1])
+
+
+def test_sigmas_of_the_anchors_are_met_and_dead_reckoning_grows_beyond_them(straight):
+    reckoning = DeadReckoning(*straight, DeadReckoningConfig())
+    anchors = np.array([[0.1, 0.2, 0.05, 0.01], [0.3, 0.2, 0.05, 0.02]])
+    sigmas = spread_sigmas(reckoning, [300, 700], anchors)
+    np.testing.assert_allclose(sigmas[[300, 700]], anchors, rtol=1e-12)
+    assert (np.diff(sigmas[:300, :2], axis=0) < 0).all()
+    assert (np.diff(sigmas[701:, :2], axis=0) > 0).all()
+    drift = reckoning.drift_variances([700], [999])[0]
+    lever = np.array([0.0, 29.9 * 0.02, 0.0, 0.0])
+    np.testing.assert_allclose(sigmas[999], np.sqrt(anchors[1] ** 2 + lever**2 + drift), rtol=1e-9)
+
+
+def test_sigmas_of_pure_dead_reckoning_are_its_own(straight):
+    config = DeadReckoningConfig(
+        heading_bias_sd=0.0, heading_walk=1e-12, heading_deviation_sd=0.0, velocity_scale_sd=0.0
+    )
+    reckoning = DeadReckoning(*straight, config.model_copy(update={"velocity_misalignment_sd": 0.0}))
+    pings = np.array([0, 400, 900])
+    np.testing.assert_allclose(spread_sigmas(reckoning, pings, reckoning.sigmas[pings]), reckoning.sigmas, rtol=1e-6)
+
+
+def test_between_two_well_known_anchors_dead_reckoning_sags(straight):
+    config = DeadReckoningConfig(
+        heading_walk=1e-12, heading_deviation_sd=0.0, velocity_scale_sd=0.0, velocity_noise=0.1
+    )
+    reckoning = DeadReckoning(*straight, config.model_copy(update={"velocity_misalignment_sd": 0.0}))
+    sigmas = spread_sigmas(reckoning, [0, 800], np.full((2, 4), 1e-6))
+    # a Brownian bridge of 80 s at its middle: 0.1 m/s/sqrt(Hz) over 20 s
+    np.testing.assert_allclose(sigmas[400, :2], 0.1 * np.sqrt(20.0), rtol=1e-4)
+
+
+def test_sigmas_refuse_rows_that_do_not_fit(straight):
+    with pytest.raises(ValueError, match=r"one ping an anchor is wanted, got pings of shape \(2,\) for 3 anchors"):
+        spread_sigmas(DeadReckoning(*straight), [0, 9], np.ones((3, 4)))
