@@ -25,6 +25,7 @@ from backend.innovations import Innovations
 
 _SCALE_STEP = np.sqrt(2.0)  # from one scale of the odometry to the next; finer than any few closures can tell
 _DIMENSIONS = 3  # yaw, x, y
+_MAX_ROUNDS = 5  # of adding to a set and dropping from it; most settle in two
 
 
 class ConsistencyConfig(BaseModel):
@@ -164,12 +165,25 @@ def _best_hypothesis(closures: Innovations, config: ConsistencyConfig) -> tuple[
     evidence = [_vote_evidence(closures[members], scale, config) for members, scale in hypotheses]
     if max(evidence) < 0.0:  # false closures explain it better
         return None
-    members, _ = hypotheses[int(np.argmax(evidence))]
-    # the set came about at one scale; another may suit it better
-    scales = _scales(config)
-    scale = scales[int(np.argmax([_vote_evidence(closures[members], scale, config) for scale in scales]))]
-    members = _refined(closures, members, scale, config)
-    return (members, scale) if count_votes(closures[members], config) >= config.min_votes else None
+    return _polished(closures, *hypotheses[int(np.argmax(evidence))], config)
+
+
+def _polished(
+    closures: Innovations, members: IntArray, scale: float, config: ConsistencyConfig
+) -> tuple[IntArray, float] | None:
+    """Fit the scale to the set and the set to the scale, in turns, while that explains more."""
+    evidence = _vote_evidence(closures[members], scale, config)
+    while True:
+        scales = _scales(config)
+        better_scale = scales[int(np.argmax([_vote_evidence(closures[members], s, config) for s in scales]))]
+        better = _refined(closures, members, better_scale, config)
+        if count_votes(closures[better], config) < config.min_votes:
+            break
+        gained = _vote_evidence(closures[better], better_scale, config)
+        if gained <= evidence + 1e-9:
+            break
+        members, scale, evidence = better, better_scale, gained
+    return members, scale
 
 
 def _hypotheses(closures: Innovations, config: ConsistencyConfig) -> Iterator[tuple[IntArray, float]]:
@@ -205,10 +219,15 @@ def _refined(closures: Innovations, clique: IntArray, scale: float, config: Cons
     """A set whose members all gain by being together, and to which no other closure would add."""
     group = group_closures(closures.first, closures.last, config.stretch)
     members = clique[without_losers(closures[clique], group[clique], scale)]
-    if members.size:
+    for _ in range(_MAX_ROUNDS):
+        if not members.size:
+            break
         others = np.setdiff1d(np.arange(len(closures)), members)
-        members = np.flatnonzero(_with_agreeing(closures, members, others, scale))
-        members = members[without_losers(closures[members], group[members], scale)]
+        more = np.flatnonzero(_with_agreeing(closures, members, others, scale))
+        kept = more[without_losers(closures[more], group[more], scale)]
+        if np.array_equal(kept, members):
+            break
+        members = kept
     return members
 
 

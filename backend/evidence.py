@@ -34,7 +34,7 @@ def log_evidence(members: Innovations, scale: float) -> float:
     factor, residuals = cho_factor(members.joint_covariance(scale), lower=True), members.residuals.ravel()
     log_true = -0.5 * residuals @ cho_solve(factor, residuals) - np.log(np.diag(factor[0])).sum()
     log_prior = -0.5 * (np.log(scale) / np.log(2.0)) ** 2
-    return float(log_true + len(members) * _LOG_NORMAL - _log_false(members).sum() + log_prior)
+    return float(log_true + len(members) * _LOG_NORMAL - _log_false(members, 1.0).sum() + log_prior)
 
 
 def gains_beside(judged: Innovations, believed: Innovations, scale: float) -> FloatArray:
@@ -62,7 +62,7 @@ def gains_beside(judged: Innovations, believed: Innovations, scale: float) -> Fl
     explained = gain @ shared.reshape(len(judged), 3, -1).transpose(0, 2, 1)
     covariance = judged.noise + scale**2 * drift - explained
     distance = np.einsum("ai,ai->a", surprise, np.linalg.solve(covariance, surprise[..., None])[..., 0])
-    return np.asarray(_LOG_NORMAL - 0.5 * (distance + np.linalg.slogdet(covariance)[1]) - _log_false(judged))
+    return np.asarray(_LOG_NORMAL - 0.5 * (distance + np.linalg.slogdet(covariance)[1]) - _log_false(judged, scale))
 
 
 def without_losers(closures: Innovations, group: IntArray, scale: float) -> IntArray:
@@ -82,7 +82,7 @@ def without_losers(closures: Innovations, group: IntArray, scale: float) -> IntA
     kept : ndarray of int, shape (<= K,)
         Positions of those that stay.
     """
-    kept, log_false = np.arange(len(closures)), _log_false(closures)
+    kept, log_false = np.arange(len(closures)), _log_false(closures, scale)
     information: FloatArray = np.asarray(np.linalg.inv(closures.joint_covariance(scale)), dtype=np.float64)
     while kept.size:
         losers = _losers(information, closures.residuals[kept], log_false[kept], group[kept])
@@ -124,7 +124,10 @@ def _without(information: FloatArray, closures: IntArray) -> FloatArray:
     )
 
 
-def _log_false(closures: Innovations) -> FloatArray:
+GAMMA = 0.0
+
+
+def _log_false(closures: Innovations, scale: float) -> FloatArray:
     """Log density of false closures [1/(rad m**2)]: even over the gate of dead reckoning."""
-    own = closures.drift[closures.last] - closures.drift[closures.first] + closures.noise
+    own = scale ** (2 * GAMMA) * (closures.drift[closures.last] - closures.drift[closures.first]) + closures.noise
     return np.asarray(-np.log(4.0 / 3.0 * np.pi) - 0.5 * _DIMENSIONS * np.log(_GATE) - 0.5 * np.linalg.slogdet(own)[1])

@@ -117,8 +117,8 @@ def correlate(target: Spectra, source: Spectra) -> CorrelationSurface:
     products = np.stack([a[0] * b[0], a[1] * b[0], a[0] * b[1], a[2] * b[0], a[0] * b[2], a[1] * b[1], a[3] * b[3]])
     sums = irfft2(products, target.padded)
     shifts = [np.arange(1 - n_b, n_a) for n_a, n_b in zip(target.shape, source.shape, strict=True)]
-    sums = sums[(slice(None), *np.ix_(*shifts))]
-    return CorrelationSurface(_coefficient(sums[:6]), np.maximum(np.rint(sums[6]), 0.0), *shifts)
+    sums = sums[:, shifts[0][:, None], shifts[1]]
+    return CorrelationSurface(_coefficient(sums[:6]), np.maximum(np.rint(sums[6]), 0.0), shifts[0], shifts[1])
 
 
 def _coefficient(sums: FloatArray) -> FloatArray:

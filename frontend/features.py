@@ -21,28 +21,34 @@ class FeatureConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     radius: float = Field(
-        8.0,
+        default=8.0,
         gt=0,
         description="Radius of the shape that a descriptor sees [m]; several relief wavelengths, or all alike.",
     )
-    thinning: int = Field(
-        2,
+    lattice: float = Field(
+        default=2.0,
         gt=0,
-        description="One row and column in so many [1] stands for the shape around a keypoint: FPFH's cost falls as the 4th power.",
+        description="Distance of the points that stand for the shape around a keypoint [m]; 1 finds no more.",
     )
     keypoint_spacing: float = Field(
-        3.0, gt=0, description="Least distance of two keypoints [m]; about the shortest wavelength that repeats."
+        default=3.0,
+        gt=0,
+        description="Least distance of two keypoints [m]; about the shortest wavelength that repeats.",
     )
     exaggeration: float = Field(
-        4.0, gt=0, description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins."
+        default=4.0,
+        gt=0,
+        description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins.",
     )
     max_relative_sigma: float = Field(
-        2.0,
+        default=2.0,
         gt=0,
         description="Points whose height sigma exceeds this many times the root-mean-square relief are left out.",
     )
     min_points: int = Field(
-        50, gt=0, description="Trusted cells [1] below which a submap has no features: less than one neighbourhood."
+        default=50,
+        gt=0,
+        description="Trusted cells [1] below which a submap has no features: less than one neighbourhood.",
     )
 
 
@@ -151,7 +157,8 @@ def _usable(relief: Relief, config: FeatureConfig) -> BoolArray:
 def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
     """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, shape (K, 33)."""
     rows, columns = np.indices(surface.z.shape)
-    supports = np.isfinite(surface.z) & (rows % config.thinning == 0) & (columns % config.thinning == 0) | is_keypoint
+    step = max(round(config.lattice / surface.spacing), 1)
+    supports = np.isfinite(surface.z) & (rows % step == 0) & (columns % step == 0) | is_keypoint
     x, y = np.meshgrid(surface.x, surface.y)
     points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
     most = int(np.pi * (config.radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off

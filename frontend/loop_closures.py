@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from frontend.arrays import FloatArray
 from frontend.chance import expected_by_chance, joint_chance
 from frontend.features import Features
-from frontend.matching import Candidate, MatchingConfig, agreeing, find_consensus, mutual_matches
+from frontend.matching import MatchingConfig, agreeing, find_consensus, mutual_matches
 from frontend.overlap import Layers, stack_layers
 from frontend.pairs import PairConfig, PriorCovariance, pairs_to_compare, predicted_transform
 from frontend.priors import Prior
@@ -78,29 +78,38 @@ class LoopClosureConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     min_overlap: float = Field(
-        0.25, gt=0, le=1, description="Least overlap [share of the smaller submap]: small ones correlate by chance."
+        default=0.25,
+        gt=0,
+        le=1,
+        description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
     )
     min_correlation: float = Field(
-        0.3, gt=0, lt=1, description="Least correlation of the heights [1]: below, even a sure one aligns badly."
+        default=0.3,
+        gt=0,
+        lt=1,
+        description="Least correlation of the heights [1]: below, even a sure one aligns badly.",
     )
     max_chance: float = Field(
-        1e-5, gt=0, lt=1, description="Largest chance that unrelated floors align as well inside the gate [1 a pair]."
+        default=1e-5,
+        gt=0,
+        lt=1,
+        description="Largest chance that unrelated floors align as well inside the gate [1 a pair].",
     )
     min_lead: float = Field(
-        1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
+        default=1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
     )
     min_information: float = Field(
-        0.5,
+        default=0.5,
         ge=0,
         description="Least root-mean-square relief over the height sigma [1]; below, floor is too flat to recognise.",
     )
     max_height_residual: float = Field(
-        4.0,
+        default=4.0,
         gt=0,
         description="Largest height difference [its standard deviations, root mean square]; sigmas are rough.",
     )
     max_sigma: float = Field(
-        2.0, gt=0, description="Largest standard deviation of x and y [m]: a ridge fixes one of them only."
+        default=2.0, gt=0, description="Largest standard deviation of x and y [m]: a ridge fixes one of them only."
     )
     pairs: PairConfig = PairConfig()
     relief: ReliefConfig = ReliefConfig()

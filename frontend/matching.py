@@ -19,26 +19,30 @@ class MatchingConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     tolerance: float = Field(
-        2.0,
+        default=2.0,
         gt=0,
         description="Horizontal distance within which a match agrees with a transform [m]; two cells of the grid.",
     )
     height_tolerance: float = Field(
-        1.0, gt=0, description="The same for the height [m]: long-wave error of a reconstruction, not of the gauge."
+        default=1.0,
+        gt=0,
+        description="The same for the height [m]: long-wave error of a reconstruction, not of the gauge.",
     )
     min_baseline: float = Field(
-        8.0,
+        default=8.0,
         gt=0,
         description="Least distance of two matches that make a transform [m]: shorter ones leave the yaw open.",
     )
     min_inliers: int = Field(
-        4, ge=2, description="Agreeing matches [1] that make a candidate; two always agree, chance gives three."
+        default=4, ge=2, description="Agreeing matches [1] that make a candidate; two always agree, chance gives three."
     )
     n_candidates: int = Field(
-        3, gt=0, description="Distinct candidates handed on [1]; verification is dearer than keeping them all."
+        default=3, gt=0, description="Distinct candidates handed on [1]; verification is dearer than keeping them all."
     )
     separation: float = Field(
-        6.0, gt=0, description="Candidates closer than this [m] and 0.1 rad are the same; about a relief wavelength."
+        default=6.0,
+        gt=0,
+        description="Candidates closer than this [m] and 0.1 rad are the same; about a relief wavelength.",
     )
 
 

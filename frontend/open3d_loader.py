@@ -43,7 +43,9 @@ def _advice(message: str) -> str:
     """One line that names the missing library and the command that installs it."""
     packages = [package for library, package in _APT_PACKAGES.items() if library in message]
     if not packages:
-        return f"open3d cannot be imported ({message}); install it again with: python -m pip install --force-reinstall open3d-cpu"
+        return (
+            f"open3d cannot be imported ({message}); install it again: python -m pip install --force-reinstall open3d"
+        )
     command = "apt-get install --no-install-recommends libegl1 libgl1 libusb-1.0-0"
     missing = [package for package in packages if package not in command]
     return f"open3d needs a system library ({message}); on Debian: {' '.join([command, *missing])}"

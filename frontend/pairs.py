@@ -19,14 +19,19 @@ class PairConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    gate: float = Field(3.0, gt=0, description="Half-width of the gate around dead reckoning [standard deviations].")
+    gate: float = Field(
+        default=3.0, gt=0, description="Half-width of the gate around dead reckoning [standard deviations]."
+    )
     min_separation: float = Field(
-        2.0,
+        default=2.0,
         gt=0,
         description="Distance along the track between two submaps [window lengths]; nearer ones are odometry.",
     )
     min_overlap: float = Field(
-        0.2, gt=0, le=1, description="Overlap that must be possible inside the gate [share of the smaller submap]."
+        default=0.2,
+        gt=0,
+        le=1,
+        description="Overlap that must be possible inside the gate [share of the smaller submap].",
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from frontend.arrays import FloatArray
+from frontend.arrays import FloatArray, IntArray
 from frontend.frames import planar_parameters, planar_pose
 from frontend.overlap import Layers, Overlap, lay_over
 
@@ -15,26 +15,36 @@ class RegistrationConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    n_iterations: int = Field(20, gt=0, description="Most Gauss-Newton steps [1]; ten are usual.")
-    max_step: float = Field(1.0, gt=0, description="Longest shift of one step [m]: a cell, or the linearisation fails.")
-    max_turn: float = Field(0.035, gt=0, description="Largest turn of one step [rad]: a cell at the edge of a submap.")
+    n_iterations: int = Field(default=20, gt=0, description="Most Gauss-Newton steps [1]; ten are usual.")
+    max_step: float = Field(
+        default=1.0, gt=0, description="Longest shift of one step [m]: a cell, or the linearisation fails."
+    )
+    max_turn: float = Field(
+        default=0.035, gt=0, description="Largest turn of one step [rad]: a cell at the edge of a submap."
+    )
     tuning: float = Field(
-        3.0, gt=0, description="Residuals [robust standard deviations] from which Tukey's weight is 0."
+        default=3.0, gt=0, description="Residuals [robust standard deviations] from which Tukey's weight is 0."
     )
     block: float = Field(
-        12.0, gt=0, description="Side of the squares [m] whose errors count as independent: beyond the errors' reach."
+        default=12.0,
+        gt=0,
+        description="Side of the squares [m] whose errors count as independent: beyond the errors' reach.",
     )
     min_sigma: float = Field(
-        0.1, ge=0, description="Least standard deviation of x and y [m]: a tenth of a cell, the interpolation's error."
+        default=0.1,
+        ge=0,
+        description="Least standard deviation of x and y [m]: a tenth of a cell, the interpolation's error.",
     )
     min_sigma_yaw: float = Field(
-        0.002, ge=0, description="Least standard deviation of the yaw [rad]: drift of the heading inside a window."
+        default=0.002,
+        ge=0,
+        description="Least standard deviation of the yaw [rad]: drift of the heading inside a window.",
     )
     gauge_sigma: float = Field(
-        0.3, ge=0, description="Standard deviation of a window's height offset [m], which echoes hardly fix."
+        default=0.3, ge=0, description="Standard deviation of a window's height offset [m], which echoes hardly fix."
     )
     gauge_tilt: float = Field(
-        0.02, gt=0, description="Standard deviation of a window's tilt [rad], which echoes hardly fix."
+        default=0.02, gt=0, description="Standard deviation of a window's tilt [rad], which echoes hardly fix."
     )
 
 
@@ -141,7 +151,7 @@ def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatAr
     return np.array([tilt, tilt, turn, x, y, offset])
 
 
-def _clustered(J: FloatArray, weight: FloatArray, residual: FloatArray, block: FloatArray) -> FloatArray:
+def _clustered(J: FloatArray, weight: FloatArray, residual: FloatArray, block: IntArray) -> FloatArray:
     """Standard deviations of least squares whose errors are independent between blocks only, shape (3,)."""
     H = J.T @ (weight[:, None] * J)
     n_blocks = int(block.max()) + 1
@@ -154,10 +164,10 @@ def _clustered(J: FloatArray, weight: FloatArray, residual: FloatArray, block: F
     return np.asarray(np.sqrt(np.diag(covariance)))
 
 
-def _blocks(overlap: Overlap, side: float) -> FloatArray:
+def _blocks(overlap: Overlap, side: float) -> IntArray:
     """Number of the square that each source cell lies in, shape (K,)."""
     cells = np.floor(np.column_stack([overlap.x, overlap.y]) / side)
-    return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1))
+    return np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _gauge(overlap: Overlap, config: RegistrationConfig) -> tuple[float, FloatArray, float]:

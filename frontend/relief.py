@@ -18,20 +18,20 @@ class ReliefConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     longest: float = Field(
-        20.0,
+        default=20.0,
         gt=0,
         description="Wavelength [m] of which half is kept: longer waves come from the altimeter and the smoothness, "
         "not from the echoes.",
     )
     shortest: float = Field(
-        4.0,
+        default=4.0,
         ge=0,
-        description="Wavelength [m] of which half is kept: shorter waves are mostly error of the reconstruction. 0 keeps all.",
+        description="Wavelength half kept [m]: shorter ones are mostly the reconstruction's error. 0 keeps all.",
     )
     clip: float = Field(
-        3.0,
+        default=3.0,
         gt=0,
-        description="Heights beyond this many robust standard deviations [1] count as that many: one boulder is no place.",
+        description="Robust standard deviations [1] to which heights are drawn in: one boulder makes no place.",
     )
 
 
@@ -145,7 +145,7 @@ def band_pass(values: FloatArray, weight: FloatArray, spacing: float, config: Re
     Returns
     -------
     passed : ndarray, shape (n_y, n_x)
-        The raster without its plane, its long and short waves, and its mean across-track profile; 0 where the weight is.
+        The raster without plane, long waves, short waves and mean across-track profile; 0 where the weight is 0.
 
     Notes
     -----
@@ -225,7 +225,7 @@ def _lags(n: int, spacing: float) -> FloatArray:
 
 def _rms(values: FloatArray, weight: FloatArray | BoolArray) -> float:
     """Weighted root mean square; 0 where nothing is known."""
-    return float(np.sqrt(np.sum(weight * values**2) / max(np.sum(weight), 1e-12)))
+    return float(np.sqrt(np.sum(weight * values**2) / max(float(np.sum(weight)), 1e-12)))
 
 
 def _plane(values: FloatArray, weight: FloatArray) -> FloatArray:

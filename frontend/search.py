@@ -21,16 +21,18 @@ class SearchConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     search_spacing: float = Field(
-        2.0, gt=0, description="Cell of the search over shifts [m]; half the shortest relief wave."
+        default=2.0, gt=0, description="Cell of the search over shifts [m]; half the shortest relief wave."
     )
-    yaw_step: float = Field(0.035, gt=0, description="Step of the search over yaw [rad]: 2 m at the edge of a submap.")
+    yaw_step: float = Field(
+        default=0.035, gt=0, description="Step of the search over yaw [rad]: 2 m at the edge of a submap."
+    )
     min_overlap: float = Field(
-        0.25, gt=0, le=1, description="Share of the smaller submap [1] below which chance correlates well."
+        default=0.25, gt=0, le=1, description="Share of the smaller submap [1] below which chance correlates well."
     )
     separation: float = Field(
-        8.0, gt=0, description="Peaks closer than this [m] are one: the width of a peak of correlation."
+        default=8.0, gt=0, description="Peaks closer than this [m] are one: the width of a peak of correlation."
     )
-    n_peaks: int = Field(3, ge=2, description="Peaks handed on [1]; two show whether the first is alone.")
+    n_peaks: int = Field(default=3, ge=2, description="Peaks handed on [1]; two show whether the first is alone.")
 
 
 @dataclass(frozen=True)

@@ -15,18 +15,20 @@ class WindowConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     length: float | None = Field(
-        None,
+        default=None,
         gt=0,
         description="Distance run in a window [m]; unset: 1.5 slant ranges, a footprint about as long as wide.",
     )
     overlap: float = Field(
-        0.5,
+        default=0.5,
         ge=0,
         lt=1,
         description="Share of a window [1] that the next one repeats, so that no place lies only at an edge.",
     )
     n_edge_pings: int = Field(
-        1, ge=0, description="Pings [1] left out at each end of a window: they have neighbours on one side only."
+        default=1,
+        ge=0,
+        description="Pings [1] left out at each end of a window: they have neighbours on one side only.",
     )
 
 

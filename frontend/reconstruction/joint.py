@@ -12,7 +12,7 @@ from frontend.radiometry import Radiometry, Tables
 from frontend.recording import Recording
 from frontend.reconstruction.forward import Raster, coverage
 from frontend.reconstruction.posterior import Altimeter, Posterior
-from frontend.reconstruction.priors import PriorConfig, make_prior
+from frontend.reconstruction.priors import PriorConfig, from_cosine, make_prior
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
 from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
 from frontend.submaps import Submap
@@ -218,7 +218,7 @@ def _sigma(
     """Standard deviation of heights from draws of the posterior at a coarser level, smoothed and inflated."""
     config, rng = how
     equations = posterior.curvature(solution.x, solution.mu)
-    draws = [solve(equations, equations.draw(rng), config.solver)[0] for _ in range(config.n_draws)]
+    draws = [from_cosine(solve(equations, equations.draw(rng), config.solver)[0]) for _ in range(config.n_draws)]
     variance = gaussian_filter(np.mean(np.square(draws), axis=0), 2.0)
     return config.sigma_factor * np.sqrt(np.maximum(resample(variance, posterior.raster, raster), 1e-6))
 

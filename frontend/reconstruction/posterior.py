@@ -154,7 +154,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """The curvature of a posterior at one state, as products.
+    """The curvature of a posterior at one state, as products with cosine coefficients, in which the prior is diagonal.
 
     Parameters
     ----------
@@ -176,21 +176,62 @@ class NormalEquations:
         Parameters
         ----------
         v : ndarray, shape (2, n_y, n_x)
-            A direction.
+            Cosine coefficients of a direction.
 
         Returns
         -------
         product : ndarray, shape (2, n_y, n_x)
-            Curvature times v.
+            Cosine coefficients of curvature times direction.
         """
-        raster, altimeter = self.posterior.raster, self.posterior.altimeter
+        return to_cosine(self._multiply_data(from_cosine(v))) + self.posterior.prior.precision * v
+
+    def precondition(self, v: FloatArray) -> FloatArray:
+        """Roughly the inverse curvature times a vector.
+
+        Parameters
+        ----------
+        v : ndarray, shape (2, n_y, n_x)
+            Cosine coefficients of a gradient.
+
+        Returns
+        -------
+        step : ndarray, shape (2, n_y, n_x)
+            Cosine coefficients; exact where all cells are seen alike.
+        """
+        return v / self._diagonal
+
+    def draw(self, rng: np.random.Generator) -> FloatArray:
+        """A random vector whose covariance is the curvature.
+
+        Parameters
+        ----------
+        rng : Generator
+            Source of randomness.
+
+        Returns
+        -------
+        draw : ndarray, shape (2, n_y, n_x)
+            Cosine coefficients; solve the curvature for it to draw from the posterior.
+        """
+        raster, altimeter, prior = self.posterior.raster, self.posterior.altimeter, self.posterior.prior
         chunks = np.zeros((N_CHUNKS, 2, raster.n_cells))
+        noise = rng.standard_normal(self.weight.shape) * np.sqrt(self.weight)
         rows = self.rows
+        _pull(rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, noise, chunks)
+        data = chunks.sum(axis=0).reshape(2, *raster.shape)
+        below = np.sqrt(altimeter.precision) * rng.standard_normal(len(altimeter.height))
+        data[0] += (altimeter.weights.T @ below).reshape(raster.shape)
+        return to_cosine(data) + np.sqrt(prior.precision) * rng.standard_normal(data.shape)
+
+    def _multiply_data(self, v: FloatArray) -> FloatArray:
+        """What bins and altimeter add to the curvature, times a direction of heights and log-reflectivities."""
+        raster, altimeter, rows = self.posterior.raster, self.posterior.altimeter, self.rows
+        chunks = np.zeros((N_CHUNKS, 2, raster.n_cells))
         _multiply(rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, self.weight, v.reshape(2, -1), chunks)
         product = chunks.sum(axis=0).reshape(v.shape)
         below = altimeter.weights @ v[0].ravel()
         product[0] += (altimeter.weights.T @ (altimeter.precision * below)).reshape(raster.shape)
-        return product + self.posterior.prior.apply(v)
+        return product
 
     @cached_property
     def _diagonal(self) -> FloatArray:
@@ -206,49 +247,7 @@ class NormalEquations:
         """What the data say, a cell, about adding the same to all heights or to all log-reflectivities."""
         v = np.zeros((2, *self.posterior.raster.shape))
         v[unknown] = 1.0
-        product = self.multiply(v)[unknown] - self.posterior.prior.apply(v)[unknown]
-        return float(product.mean())
-
-    def precondition(self, v: FloatArray) -> FloatArray:
-        """Roughly the inverse curvature times a vector.
-
-        Parameters
-        ----------
-        v : ndarray, shape (2, n_y, n_x)
-            A gradient.
-
-        Returns
-        -------
-        step : ndarray, shape (2, n_y, n_x)
-            Exact where all cells are seen alike.
-        """
-        diagonal = self._diagonal
-        return np.stack([from_cosine(to_cosine(v[k]) / diagonal[k]) for k in range(2)])
-
-    def draw(self, rng: np.random.Generator) -> FloatArray:
-        """A random vector whose covariance is the curvature.
-
-        Parameters
-        ----------
-        rng : Generator
-            Source of randomness.
-
-        Returns
-        -------
-        draw : ndarray, shape (2, n_y, n_x)
-            Solve the curvature for it to draw from the posterior.
-        """
-        raster, altimeter, prior = self.posterior.raster, self.posterior.altimeter, self.posterior.prior
-        chunks = np.zeros((N_CHUNKS, 2, raster.n_cells))
-        noise = rng.standard_normal(self.weight.shape) * np.sqrt(self.weight)
-        rows = self.rows
-        _pull(rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, noise, chunks)
-        draw = chunks.sum(axis=0).reshape(2, *raster.shape)
-        below = np.sqrt(altimeter.precision) * rng.standard_normal(len(altimeter.height))
-        draw[0] += (altimeter.weights.T @ below).reshape(raster.shape)
-        draw[0] += from_cosine(np.sqrt(prior.height) * rng.standard_normal(raster.shape))
-        draw[1] += from_cosine(np.sqrt(prior.reflectivity) * rng.standard_normal(raster.shape))
-        return draw
+        return float(self._multiply_data(v)[unknown].mean())
 
 
 def _deviance(bins: Bins, mu: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ Both priors are quadratic and diagonal in the cosine basis, so they precondition
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -39,6 +40,11 @@ class Prior:
     height: FloatArray
     reflectivity: FloatArray
 
+    @cached_property
+    def precision(self) -> FloatArray:
+        """Shape (2, n_y, n_x): both, as one array."""
+        return np.stack([self.height, self.reflectivity])
+
     def apply(self, x: FloatArray) -> FloatArray:
         """Multiply with the precision.
 
@@ -52,39 +58,39 @@ class Prior:
         product : ndarray, shape (2, n_y, n_x)
             Precision times x; half its product with x is the prior's cost.
         """
-        return np.stack([from_cosine(self.height * to_cosine(x[0])), from_cosine(self.reflectivity * to_cosine(x[1]))])
+        return from_cosine(self.precision * to_cosine(x))
 
 
 def to_cosine(x: FloatArray) -> FloatArray:
-    """Orthonormal cosine coefficients of a raster.
+    """Orthonormal cosine coefficients of rasters.
 
     Parameters
     ----------
-    x : ndarray, shape (n_y, n_x)
-        A raster.
+    x : ndarray, shape (..., n_y, n_x)
+        Rasters.
 
     Returns
     -------
-    coefficients : ndarray, shape (n_y, n_x)
-        Its coefficients.
+    coefficients : ndarray, shape (..., n_y, n_x)
+        Their coefficients.
     """
-    return np.asarray(dctn(x, norm="ortho"))
+    return np.asarray(dctn(x, axes=(-2, -1), norm="ortho"))
 
 
 def from_cosine(coefficients: FloatArray) -> FloatArray:
-    """Raster of orthonormal cosine coefficients.
+    """Rasters of orthonormal cosine coefficients.
 
     Parameters
     ----------
-    coefficients : ndarray, shape (n_y, n_x)
+    coefficients : ndarray, shape (..., n_y, n_x)
         Coefficients.
 
     Returns
     -------
-    x : ndarray, shape (n_y, n_x)
-        The raster.
+    x : ndarray, shape (..., n_y, n_x)
+        The rasters.
     """
-    return np.asarray(idctn(coefficients, norm="ortho"))
+    return np.asarray(idctn(coefficients, axes=(-2, -1), norm="ortho"))
 
 
 def wavenumbers(raster: Raster) -> tuple[FloatArray, FloatArray]:

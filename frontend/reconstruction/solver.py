@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
 from frontend.reconstruction.posterior import NormalEquations, Posterior
+from frontend.reconstruction.priors import from_cosine, to_cosine
 
 
 class SolverConfig(BaseModel):
@@ -61,7 +62,7 @@ def minimise(posterior: Posterior, x: FloatArray, config: SolverConfig) -> Solut
     costs = [posterior.cost(x, mu)]
     for _ in range(config.n_steps):
         equations = posterior.curvature(x, mu)
-        step = -solve(equations, posterior.gradient(x, mu), config)
+        step = -from_cosine(solve(equations, to_cosine(posterior.gradient(x, mu)), config))
         step *= min(1.0, config.step_height * posterior.raster.spacing / max(float(np.abs(step[0]).max()), 1e-12))
         found = _backtrack(posterior, x, step, costs[-1])
         if found is None:
@@ -81,14 +82,14 @@ def solve(equations: NormalEquations, right: FloatArray, config: SolverConfig) -
     equations : NormalEquations
         Curvature and preconditioner.
     right : ndarray, shape (2, n_y, n_x)
-        Right-hand side.
+        Cosine coefficients of the right-hand side.
     config : SolverConfig
         When to stop.
 
     Returns
     -------
     x : ndarray, shape (2, n_y, n_x)
-        Approximate solution; a descent direction wherever it stops.
+        Cosine coefficients of an approximate solution; a descent direction wherever it stops.
     """
     x, residual = np.zeros_like(right), right.copy()
     z = equations.precondition(residual)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from scipy.fft import next_fast_len
 
 from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
@@ -125,7 +126,7 @@ def raster_of(data: WindowData, spacing: float) -> Raster:
     Returns
     -------
     raster : Raster
-        Its origin is a whole multiple of 8 spacings, so that coarser grids nest.
+        Its origin is a whole multiple of the spacing.
     """
     reach = data.slant_range_max
     side = data.T_submap_pings[:, :2, 1]
@@ -136,9 +137,8 @@ def raster_of(data: WindowData, spacing: float) -> Raster:
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     first = np.floor(low / spacing).astype(int)
     last = np.ceil(high / spacing).astype(int)
-    return Raster(
-        int(last[1] - first[1] + 1), int(last[0] - first[0] + 1), spacing, (float(first[0] * spacing), float(first[1] * spacing))
-    )
+    n_x, n_y = (next_fast_len(int(n), real=True) for n in last - first + 1)  # for the cosine transforms
+    return Raster(n_y, n_x, spacing, (float(first[0] * spacing), float(first[1] * spacing)))
 
 
 def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) -> tuple[Beams, Bins]:

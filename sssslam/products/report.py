@@ -42,7 +42,7 @@ def render_report(out: Path) -> str:
         verdict=verdict(manifest),
         tiles=_tiles(manifest),
         figures={name: uri for name in FIGURES if (uri := _embed(out / "figures" / f"{name}.png"))},
-        metrics=[{**metric, "text": format_metric(metric["value"], metric["unit"])} for metric in manifest["metrics"]],
+        metrics=_metric_rows(manifest["metrics"]),
         timings=_timings(manifest),
         closures=_closure_rows(loop_closures),
         n_closures=len(loop_closures),
@@ -78,6 +78,13 @@ def _tiles(manifest: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         before, after = (format_metric(metrics[name]["value"], "m") for name in ("ate_dr", "ate"))
         tiles.append(("error of the track (ATE)", after, f"dead-reckoned {before}"))
     return tiles
+
+
+def _metric_rows(metrics: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row a metric; that of the dead-reckoned track, named ``_dr``, stands beside its twin."""
+    texts = {metric["name"]: format_metric(metric["value"], metric["unit"]) for metric in metrics}
+    own = [metric for metric in metrics if metric["name"].removesuffix("_dr") not in texts.keys() - {metric["name"]}]
+    return [{**m, "text": texts[m["name"]], "text_dr": texts.get(f"{m['name']}_dr", "")} for m in own]
 
 
 def _timings(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -10,8 +10,8 @@ from frontend.arrays import BoolArray, FloatArray, IntArray
 _LONG_HOLD, _SLOW = 5.0, 0.3
 # Fixes each way in a local fit, and the share of figures that must sit on a grid for it to be their resolution.
 _N_NEIGHBOURS, _ON_GRID = 4, 0.95
-# Rounded figures of a moving vehicle step by one cell here and by two there; at least this share differs.
-_UNEVEN_STEPS = 0.05
+# Differences this small, of the figures' size, come from writing decimals in binary.
+_DECIMAL_NOISE = 1e-11
 # A series belongs to the fixes if at most this share of its changes falls between them.
 _BETWEEN_FIXES = 0.02
 
@@ -105,37 +105,32 @@ def _interpolate_axis(time: FloatArray, values: FloatArray, knots: IntArray) -> 
 
 def _smooth_within_resolution(time: FloatArray, values: FloatArray) -> FloatArray:
     """Values moved towards a local quadratic, by no more than half their resolution."""
-    half = resolution(values) / 2 if _steps_vary(values) else 0.0
+    half = resolution(values) / 2
     return values + np.clip(_local_quadratic(time, values) - values, -half, half) if half > 0 else values
 
 
-def _steps_vary(values: FloatArray) -> bool:
-    """Whether steps between fixes differ; even steps look like a coarse grid, but are those of an even speed."""
-    _, counts = np.unique(np.round(np.abs(np.diff(values)), 9), return_counts=True)
-    return counts.size > 0 and float(counts.max()) < (1 - _UNEVEN_STEPS) * counts.sum()
-
-
 def resolution(values: FloatArray) -> float:
-    """Step of the grid that recorded figures sit on.
+    """Step of the grid that a series of figures sits on.
 
     Parameters
     ----------
     values : ndarray, shape (K,)
-        Figures of one kind.
+        Figures of one kind, in the order recorded.
 
     Returns
     -------
     step : float
-        Their smallest difference, if the others are multiples of it; else 0.
+        The smallest difference between the changes from one figure to the next, if all changes are multiples of it.
+        Else 0; also where all changes are alike, which is an even speed as well as a grid.
     """
-    distinct = np.unique(values)
-    steps = np.diff(distinct)
-    steps = steps[steps > 1e-11 * max(1.0, float(np.abs(distinct[-1])))]
-    if steps.size < 3:
+    changes = np.abs(np.diff(values))
+    noise = _DECIMAL_NOISE * max(1.0, float(np.max(np.abs(values), initial=0.0)))
+    sizes = np.unique(np.round(changes / noise)) * noise
+    sizes = sizes[sizes > 0]
+    if sizes.size < 2:
         return 0.0
-    # Differences near the smallest are the step itself plus the rounding of its decimals.
-    step = float(np.median(steps[steps < 1.5 * steps.min()]))
-    multiple = steps / step
+    step = float(min(sizes[0], np.diff(sizes).min()))
+    multiple = changes / step
     return step if np.mean(np.abs(multiple - np.round(multiple)) < 0.1) >= _ON_GRID else 0.0
 
 

@@ -187,7 +187,7 @@ def index_packets(data: mmap.mmap, start: int) -> PacketIndex:
         # Nothing here: either this place is damaged, or the size of the packet before, which then hides the next one.
         is_after_packet = len(starts) > 0 and starts[-1] + sizes[-1] == position
         following, searches = _next_packet(data, (starts[-1] if is_after_packet else position) + 1, searches)
-        if False:
+        if following < position:
             position = starts.pop()
             sizes.pop()
             kinds.pop()

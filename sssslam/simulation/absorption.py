@@ -10,7 +10,7 @@ from frontend.arrays import FloatArray
 class WaterConfig(BaseModel):
     """The water sound runs through, the same everywhere."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     sound_speed: float = Field(default=1500.0, gt=1300, lt=1700, description="Sound speed [m/s]; straight rays.")
     temperature: float = Field(default=10.0, ge=-2, le=40, description="Temperature [deg C]; absorption depends on it.")

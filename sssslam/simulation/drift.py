@@ -38,7 +38,7 @@ _KNOT = 1.0  # seconds between the knots of the heading's random walk
 class DriftConfig(BaseModel):
     """Errors of the navigation; what is constant is drawn once a dive with these standard deviations."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     grade: str = Field(default="none", description="Grade whose values fill in what is left out here.")
     heading_bias_deg: float = Field(ge=0, description="Constant error of the heading [deg].")

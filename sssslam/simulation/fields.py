@@ -35,7 +35,7 @@ class GridLike(Protocol):
 class TerrainLayer(BaseModel):
     """One ingredient of a seafloor."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def add(self, grid: GridLike, rng: np.random.Generator) -> Surface:
         """What the layer adds.

@@ -54,7 +54,7 @@ class Objects(TerrainLayer):
     """Boulders that stand on the floor and pits that are sunk into it, at random places."""
 
     kind: Literal["objects"] = "objects"
-    count: int = Field(default=300, ge=0, description="Boulders and pits together.")
+    count: int = Field(default=300, ge=0, le=1_000_000, description="Boulders and pits together.")
     pits: float = Field(default=0.4, ge=0, le=1, description="Share of the objects that are pits.")
     radius: tuple[float, float] = Field(default=(0.8, 3.5), description="Smallest and largest radius [m]; log-uniform.")
     steepness: tuple[float, float] = Field(default=(0.25, 0.6), description="Smallest and largest height over radius.")

@@ -13,7 +13,7 @@ from sssslam.simulation.sonar import SonarConfig
 class ReceiverConfig(BaseModel):
     """Between water and recorder; levels are of the received intensity."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     gain: float = Field(
         default=-60.0, description="From received level to recorded intensity [dB]; makes handy numbers."
@@ -39,7 +39,7 @@ SampleType = Literal["u1", "<u2", "<f4"]
 
 
 class _Recorder(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class FloatRecorder(_Recorder):

@@ -5,7 +5,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from sssslam.simulation.absorption import WaterConfig
 from sssslam.simulation.drift import DriftConfig
@@ -23,7 +23,7 @@ from sssslam.simulation.vehicle import VehicleConfig
 class Scene(BaseModel):
     """Everything a simulated dive depends on."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str = Field(default="scene", description="Name of the scene; the source of its recordings.")
     description: str = Field(default="", description="What the scene is for, one line.")
@@ -42,6 +42,13 @@ class Scene(BaseModel):
     recorder: Recorder = FloatRecorder()
     sensors: SensorsConfig = SensorsConfig()
     drift: DriftConfig = Field(default_factory=lambda: DriftConfig.model_validate({}))
+
+    @field_validator("position")
+    @classmethod
+    def _on_earth(cls, position: tuple[float, float] | None) -> tuple[float, float] | None:
+        if position is not None and not (abs(position[0]) <= 90 and abs(position[1]) <= 360):
+            raise ValueError(f"a latitude up to 90 and a longitude up to 360 degrees wanted, got {position}")
+        return position
 
     @model_validator(mode="before")
     @classmethod

@@ -21,7 +21,7 @@ _EARTH_RATE = 7.292115e-5
 class SensorsConfig(BaseModel):
     """Rates of the sensors, and when the bottom is lost."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     imu_rate: float = Field(default=20.0, ge=0, description="Inertial samples a second [1/s]; 0: none on board.")
     compass_rate: float = Field(default=10.0, gt=0, description="Attitude and heading samples a second [1/s].")

@@ -13,7 +13,7 @@ from sssslam.simulation.sonar_presets import PRESETS
 class SonarConfig(BaseModel):
     """A side-scan sonar with a line array on each side."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     preset: str = Field(default="400kHz", description="Preset whose values fill in what is left out here.")
     frequency: float = Field(gt=1e4, lt=5e6, description="Centre frequency [Hz].")
@@ -21,8 +21,8 @@ class SonarConfig(BaseModel):
     source_level: float = Field(description="Level on the beam's axis [dB re 1 uPa at 1 m].")
     noise_level: float = Field(description="Noise in the receiver's band after the array's gain [dB re 1 uPa].")
     ping_rate: float = Field(gt=0, description="Pings a second [1/s]; at most sound speed / (2 range).")
-    range_max: float = Field(gt=0, description="Slant range of the last sample's far edge [m].")
-    sample_spacing: float = Field(gt=0, description="Slant range between samples [m].")
+    range_max: float = Field(gt=0, le=2000, description="Slant range of the last sample's far edge [m].")
+    sample_spacing: float = Field(ge=1e-3, description="Slant range between samples [m].")
     vertical_beamwidth_deg: float = Field(gt=0, lt=180, description="One-way -3 dB width of the fan [deg].")
     depression_deg: float = Field(ge=0, lt=90, description="The fan's axis below the horizontal [deg].")
     vertical_shape: Literal["gaussian", "line"] = Field(
@@ -39,11 +39,11 @@ class SonarConfig(BaseModel):
     motion: Literal["travel-time", "stop-and-hop"] = Field(
         default="travel-time", description="Whether the vehicle moves on while the sound travels, as it does, or waits."
     )
-    n_sub_beams: int = Field(default=3, ge=1, description="Rays side by side over the horizontal beam.")
+    n_sub_beams: int = Field(default=3, ge=1, le=999, description="Rays side by side over the horizontal beam.")
     sub_beam_extent: float = Field(
         default=0.75, gt=0, le=16, description="Rays reach so many -3 dB widths off the axis."
     )
-    ray_step: float = Field(gt=0, description="Horizontal step along a ray [m]; well below the terrain's spacing.")
+    ray_step: float = Field(ge=1e-3, description="Horizontal step along a ray [m]; well below the terrain's spacing.")
     inner_angle_deg: float = Field(default=30.0, ge=0, lt=90, description="An array looks this far past nadir [deg].")
 
     @model_validator(mode="before")

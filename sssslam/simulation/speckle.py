@@ -12,7 +12,7 @@ from frontend.arrays import FloatArray
 class SpeckleConfig(BaseModel):
     """Statistics of the intensity about its mean."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     looks: float = Field(default=1.0, gt=0, description="Looks L: variance is mean^2 / L; a raw sonar has one.")
     shape: float | None = Field(

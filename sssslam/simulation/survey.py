@@ -16,7 +16,7 @@ Leg = tuple[float, float, float, float]
 class Pattern(BaseModel):
     """A survey pattern."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def path(self, turn_radius: float) -> FloatArray:
         """Points along the survey.

@@ -23,7 +23,7 @@ Layer = Annotated[
 class TerrainConfig(BaseModel):
     """The seafloor; layers add up, in any order."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     size: tuple[float, float] = Field(
         default=(400.0, 400.0), description="East and north extent [m]; track and swath fit in."

@@ -19,7 +19,7 @@ _KNOT = 0.25  # seconds between the knots of the motion's splines
 class WavesConfig(BaseModel):
     """Quasi-periodic motion about the mean attitude."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     roll_deg: float = Field(
         default=0.8, ge=0, description="Standard deviation of roll [deg]; a small AUV well below the surface."
@@ -33,7 +33,7 @@ class WavesConfig(BaseModel):
 class VehicleConfig(BaseModel):
     """How the vehicle follows its path."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     speed: float = Field(default=2.0, gt=0, description="Mean speed over ground [m/s].")
     speed_variation: float = Field(

@@ -86,7 +86,8 @@ def test_two_fixes_make_a_line():
 
 
 def test_resolution_is_the_grid_that_figures_sit_on():
-    assert resolution(0.25 * np.array([1.0, 2, 5, 9, 7])) == 0.25
+    assert resolution(0.25 * np.array([1.0, 2, 5, 9, 7])) == pytest.approx(0.25, rel=1e-9)
+    assert resolution(0.25 * np.arange(9.0)) == 0.0
     assert resolution(np.random.default_rng(1).uniform(0, 1, 200)) == 0.0
     assert resolution(np.array([1.0, 2.0])) == 0.0
 

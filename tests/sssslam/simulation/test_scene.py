@@ -52,6 +52,9 @@ def test_a_scene_cannot_be_changed_by_accident() -> None:
         ("sonar = 3", "mine: sonar: Input should be .* got 3"),
         ("[[terrain.layers]]\nkind = 'lava'", r"mine: terrain\.layers\.0: Input tag 'lava' found"),
         ("seed = -1\n[vehicle]\nspeed = 0", r"mine: seed: .*, got -1 \(1 more\)"),
+        ("position = [95.0, 0.0]", r"mine: position: a latitude up to 90 and .* wanted, got \(95\.0, 0\.0\)"),
+        ("[sonar]\nrange_max = inf", r"mine: sonar\.range_max: Input should be .*, got inf"),
+        ("[vehicle]\nspeed = nan", r"mine: vehicle\.speed: Input should be .*, got nan"),
         ("seed = ", "mine: not TOML: Invalid value"),
         (
             "[survey]\npattern='polyline'\npoints=[[0,0],[0,0]]",

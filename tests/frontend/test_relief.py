@@ -1,0 +1,150 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frontend.relief import Relief, ReliefConfig, band_pass, coarsen, correlation_area, extract_relief
+from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
+
+
+def raster(z, weight=None, spacing=1.0):
+    z = np.asarray(z, dtype=np.float64)
+    weight = np.ones_like(z) if weight is None else weight
+    return Relief(z, weight, z, z, np.ones_like(z), spacing, (0.0, 0.0))
+
+
+def rough_submap(seed=0):
+    rng = np.random.default_rng(seed)
+    return cut_submap(rough_seafloor(rng), (150.0, 150.0, 0.3), rng)
+
+
+def wave(wavelength, size=200):
+    return np.sin(2 * np.pi * np.arange(size) / wavelength)[:, None] * np.cos(2 * np.pi * np.arange(size) / 1e3)
+
+
+def gain(wavelength, config):
+    """Amplitude that passes, far from the edges, of a wave that runs across and along alike."""
+    y, x = np.mgrid[0:240, 0:240]
+    z = np.sin(2 * np.pi * (0.6 * x + 0.8 * y) / wavelength)
+    passed = band_pass(z, np.ones_like(z), 1.0, config)[60:180, 60:180]
+    return np.sqrt(2 * np.mean(passed**2))
+
+
+def test_half_of_the_longest_wave_passes():
+    assert gain(20.0, ReliefConfig(longest=20.0, shortest=0.0)) == pytest.approx(0.5, abs=0.02)
+
+
+def test_half_of_the_shortest_wave_passes():
+    assert gain(6.0, ReliefConfig(longest=60.0, shortest=6.0)) == pytest.approx(0.5, abs=0.02)
+
+
+def test_waves_inside_the_band_pass_and_long_ones_do_not():
+    config = ReliefConfig(longest=20.0, shortest=0.0)
+    assert gain(8.0, config) > 0.9
+    assert gain(100.0, config) < 0.05
+
+
+def test_offset_tilt_and_across_track_profile_are_no_relief():
+    y, x = np.mgrid[0:60, 0:80]
+    z = 3.0 + 0.1 * x - 0.05 * y + 0.4 * np.sin(y / 2.0)
+    config = ReliefConfig()
+    assert np.abs(band_pass(z, np.ones_like(z), 1.0, config)).max() < 1e-9
+
+
+def test_the_gauge_of_a_submap_does_not_change_its_relief():
+    submap = rough_submap()
+    y, x = np.meshgrid(submap.surface.y, submap.surface.x, indexing="ij")
+    tilted = replace(submap, surface=replace(submap.surface, z=submap.surface.z + 2.0 + 0.03 * x - 0.02 * y))
+    assert extract_relief(tilted).z == pytest.approx(extract_relief(submap).z, abs=1e-9)
+
+
+def test_unknown_shadowed_and_hopeless_cells_have_no_weight_and_no_influence():
+    submap = rough_submap()
+    shadow, sigma, z = submap.is_shadow.copy(), submap.sigma.copy(), submap.surface.z.copy()
+    shadow[10:20, 10:20], sigma[30:35, 30:35], z[50:60, 40:60] = True, np.nan, np.nan
+    wild = np.where(shadow, 1e3, z)
+    clean = replace(submap, is_shadow=shadow, sigma=sigma, surface=replace(submap.surface, z=z))
+    dirty = replace(clean, surface=replace(submap.surface, z=wild))
+    relief = extract_relief(clean)
+    assert not relief.is_trusted[10:20, 10:20].any()
+    assert not relief.is_trusted[30:35, 30:35].any()
+    assert not relief.is_trusted[50:60, 40:60].any()
+    assert relief.is_trusted.sum() == relief.z.size - 100 - 25 - 200
+    assert np.array_equal(extract_relief(dirty).z, relief.z)
+    assert all(np.isfinite(a).all() for a in (relief.z, relief.weight, relief.reflectivity, relief.height, relief.sigma))
+
+
+def test_trust_falls_with_sigma():
+    submap = rough_submap()
+    sigma = submap.sigma.copy()
+    sigma[:, 40:] *= 3
+    weight = extract_relief(replace(submap, sigma=sigma)).weight
+    assert weight[0, 0] > 2 * weight[0, -1] > 0
+
+
+def test_a_submap_of_which_nothing_is_known_has_an_empty_relief():
+    submap = rough_submap()
+    empty = replace(submap, surface=replace(submap.surface, z=np.full_like(submap.surface.z, np.nan)))
+    relief = extract_relief(empty)
+    assert relief.area == 0
+    assert relief.information == 0
+    assert relief.correlation_area == np.inf
+    assert not relief.z.any()
+
+
+def test_a_boulder_is_drawn_in_to_the_limit():
+    submap = rough_submap()
+    z = submap.surface.z.copy()
+    z[50, 40] += 30.0
+    relief = extract_relief(replace(submap, surface=replace(submap.surface, z=z)), ReliefConfig(clip=3.0))
+    robust = 1.4826 * np.median(np.abs(relief.z))
+    assert relief.z.max() == pytest.approx(3.0 * robust, rel=0.02)
+
+
+def test_correlation_area_of_smoothed_noise_is_that_of_its_gaussian():
+    """Noise smoothed by s correlates as exp(-r^2 / 4 s^2); the square of that integrates to 2 pi s^2."""
+    from scipy.ndimage import gaussian_filter
+
+    z = gaussian_filter(np.random.default_rng(0).normal(size=(400, 400)), 2.0, mode="wrap")
+    # chance adds the circle of 20 m over the area, 3 % of the correlation area; the estimate itself scatters by 5 %
+    assert correlation_area(z, np.ones_like(z), 1.0) == pytest.approx(2 * np.pi * 4.0, rel=0.15)
+
+
+def test_correlation_area_is_in_square_metres_whatever_the_spacing():
+    from scipy.ndimage import gaussian_filter
+
+    z = gaussian_filter(np.random.default_rng(0).normal(size=(400, 400)), 4.0, mode="wrap")
+    assert correlation_area(z, np.ones_like(z), 0.5) == pytest.approx(2 * np.pi * 4.0, rel=0.2)
+
+
+def test_ripples_tell_much_less_than_rough_floor():
+    y, x = np.mgrid[0:100, 0:80]
+    rng = np.random.default_rng(0)
+    ripples = np.sin(2 * np.pi * x / 8.0)
+    rough = extract_relief(cut_submap(rough_seafloor(rng), (150.0, 150.0, 0.0), rng))
+    assert correlation_area(ripples, np.ones_like(ripples), 1.0) > 10 * rough.correlation_area
+
+
+def test_flat_mud_has_less_information_than_rough_floor():
+    rng = np.random.default_rng(1)
+    rough, mud = rough_seafloor(rng), rough_seafloor(rng, rms=0.8)
+    mud = replace(mud, z=0.01 * mud.z)
+    high, low = (extract_relief(cut_submap(s, (150.0, 150.0, 0.0), rng, error=0.05)) for s in (rough, mud))
+    assert high.information > 3
+    assert low.information < 1
+
+
+def test_coarse_cells_are_the_weighted_means_of_their_blocks():
+    z = np.array([[1.0, 3.0, 5.0], [1.0, 3.0, 7.0]])
+    weight = np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 0.5]])
+    coarse = coarsen(raster(z, weight), 2.0)
+    assert coarse.z == pytest.approx(np.array([[5 / 3, (5 + 3.5) / 1.5]]))
+    assert coarse.weight == pytest.approx(np.array([[0.75, 1.5 / 4]]))
+    assert coarse.origin == (0.5, 0.5)
+    assert coarse.spacing == 2.0
+
+
+def test_coarsening_to_the_own_spacing_or_below_changes_nothing():
+    relief = extract_relief(rough_submap())
+    assert np.allclose(coarsen(relief, 0.3).z, relief.z, atol=1e-12)
+    assert coarsen(relief, 0.3).spacing == 1.0
