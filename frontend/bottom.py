@@ -1,12 +1,13 @@
 """First bottom return: the slant range of the first echo from the seafloor, tracked from ping to ping."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import uniform_filter
 
-from frontend.arrays import FloatArray
+from frontend.arrays import AnyArray, FloatArray
 from frontend.recording import Recording
 
 
@@ -15,12 +16,23 @@ class BottomConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    blanking: float = Field(1.0, ge=0, description="Slant range that is never bottom [m]; transducers ring that long.")
-    step_length: float = Field(0.75, gt=0, description="Slant range compared before and after an edge [m].")
-    n_pings: int = Field(5, ge=1, description="Pings averaged before the search; speckle hides single edges.")
-    threshold: float = Field(0.6, gt=0, lt=1, description="Edge wanted, as a share of the ping's strongest edge.")
+    blanking: float = Field(
+        default=1.0, ge=0, description="Slant range that is never bottom [m]; transducers ring that long."
+    )
+    step_length: float = Field(default=0.75, gt=0, description="Slant range compared before and after an edge [m].")
+    n_pings: int = Field(
+        default=5, ge=1, description="Pings [1] averaged before the search; speckle hides single edges."
+    )
+    threshold: float = Field(
+        default=0.6,
+        gt=0,
+        lt=1,
+        description="Edge wanted, as a share [1] of the ping's strongest: the bottom rises less than what lies beyond.",
+    )
     scale_tolerance: float = Field(
-        0.03, gt=0, description="Altimeter and first bottom return may differ by this share before the altimeter is scaled."
+        default=0.03,
+        gt=0,
+        description="Share [1] that altimeter and first bottom return may differ by before the altimeter is scaled.",
     )
 
 
@@ -64,7 +76,8 @@ def find_bottom(recording: Recording, config: BottomConfig) -> Bottom:
         If no echo on either side looks like a bottom and no altitude is recorded.
     """
     guide = _filled(recording.altitude)
-    sides = [_track(_edges(echoes, recording, guide, config), recording) for echoes in (recording.port, recording.starboard)]
+    both = (recording.port, recording.starboard)
+    sides = [_track(_edges(echoes, recording, guide, config), recording) for echoes in both]
     returns = np.stack(sides, axis=1)
     nearest = _nearest(returns)
     if guide is None and not np.isfinite(nearest).any():
@@ -96,7 +109,7 @@ def _altimeter_scale(echo_altitude: FloatArray, guide: FloatArray | None, config
     return ratio if abs(ratio - 1) > config.scale_tolerance else 1.0
 
 
-def _edges(echoes: np.ndarray, recording: Recording, guide: FloatArray | None, config: BottomConfig) -> FloatArray:
+def _edges(echoes: AnyArray, recording: Recording, guide: FloatArray | None, config: BottomConfig) -> FloatArray:
     """Shape (N,): range of the first strong rise of each ping, NaN where none stands out."""
     spacing = float(np.median(recording.sample_spacing))
     width = max(2, round(config.step_length / spacing))
@@ -114,7 +127,7 @@ def _edges(echoes: np.ndarray, recording: Recording, guide: FloatArray | None, c
     return _first_peak(rise, slant_range, width, config.threshold)
 
 
-def _floor(echoes: np.ndarray) -> float:
+def _floor(echoes: AnyArray) -> float:
     """A small positive number, so that silence has a logarithm."""
     positive = echoes[echoes > 0]
     return float(np.percentile(positive, 1)) if positive.size else 1.0
@@ -136,22 +149,13 @@ def _track(measured: FloatArray, recording: Recording) -> FloatArray:
     good = np.isfinite(measured)
     if good.sum() < 2:
         return np.full(len(measured), np.nan)
-    from filterpy.kalman import KalmanFilter
-
-    kalman = KalmanFilter(dim_x=2, dim_z=1)
-    kalman.x = np.array([np.median(measured[good][:9]), 0.0])
-    kalman.F, kalman.H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
-    sigma = max(0.05, 2 * float(np.median(recording.sample_spacing)))
-    kalman.P, kalman.R = np.diag([1.0, 0.01]), np.array([[sigma**2]])
-    rate = max(0.02, recording.ping_spacing * 0.1)  # a seafloor changes its slope by about a tenth from ping to ping
-    kalman.Q = rate**2 * np.array([[0.25, 0.5], [0.5, 1.0]])
+    kalman = _kalman(float(np.median(measured[good][:9])), recording)
     means, covariances = np.empty((len(measured), 2)), np.empty((len(measured), 2, 2))
     missed = 0
     for i, z in enumerate(measured):
         kalman.predict()
-        residual = z - kalman.x[0]
         gate = 4 * np.sqrt(kalman.P[0, 0] + kalman.R[0, 0])
-        if good[i] and (abs(residual) < gate or missed > 20):
+        if good[i] and (abs(z - kalman.x[0]) < gate or missed > 20):
             kalman.update(z)
             missed = 0
         else:
@@ -159,3 +163,17 @@ def _track(measured: FloatArray, recording: Recording) -> FloatArray:
         means[i], covariances[i] = kalman.x, kalman.P
     smooth, *_ = kalman.rts_smoother(means, covariances)
     return np.asarray(smooth[:, 0])
+
+
+def _kalman(start: float, recording: Recording) -> Any:
+    """A filter over the range of the bottom and its change a ping."""
+    from filterpy.kalman import KalmanFilter
+
+    kalman = KalmanFilter(dim_x=2, dim_z=1)
+    kalman.x = np.array([start, 0.0])
+    kalman.F, kalman.H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    sigma = max(0.05, 2 * float(np.median(recording.sample_spacing)))
+    kalman.P, kalman.R = np.diag([1.0, 0.01]), np.array([[sigma**2]])
+    rate = max(0.02, recording.ping_spacing * 0.1)  # a seafloor changes its slope by about a tenth from ping to ping
+    kalman.Q = rate**2 * np.array([[0.25, 0.5], [0.5, 1.0]])
+    return kalman

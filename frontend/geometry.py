@@ -88,8 +88,9 @@ def off_nadir_angle(slant_range: ArrayLike, altitude: ArrayLike, attitude: tuple
 
     Notes
     -----
-    ``slant_range = altitude / (cos(pitch) cos(t))`` with t measured from the vertical in the beam plane; a starboard-down
-    roll turns the body's nadir towards port, so it is ``t - roll`` on port and ``t + roll`` on starboard.
+    ``slant_range = altitude / (cos(pitch) cos(t))`` with t measured from the vertical in the beam plane; a
+    starboard-down roll turns the body's nadir towards port, so it is
+    ``t - roll`` on port and ``t + roll`` on starboard.
     """
     roll, pitch = (np.asarray(a, dtype=np.float64) for a in attitude)
     perpendicular = (np.asarray(altitude, dtype=np.float64) / np.cos(pitch))[:, None]

@@ -30,12 +30,12 @@ class Heightfield:
     @property
     def x(self) -> FloatArray:
         """Shape (n_x,): x of the cell centres [m]."""
-        return self.origin[0] + self.spacing * np.arange(self.z.shape[1])
+        return np.asarray(self.origin[0] + self.spacing * np.arange(self.z.shape[1]), dtype=np.float64)
 
     @property
     def y(self) -> FloatArray:
         """Shape (n_y,): y of the cell centres [m]."""
-        return self.origin[1] + self.spacing * np.arange(self.z.shape[0])
+        return np.asarray(self.origin[1] + self.spacing * np.arange(self.z.shape[0]), dtype=np.float64)
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Heights at positions, by bilinear interpolation.

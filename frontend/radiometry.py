@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from frontend.arrays import FloatArray
+from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from frontend.bottom import Bottom
 from frontend.geometry import off_nadir_angle
 from frontend.recording import Quantity, Recording
+
+_N_RANGES = 40  # cells of range over which equal angles are compared
 
 
 class RadiometryConfig(BaseModel):
@@ -16,12 +18,26 @@ class RadiometryConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    exponent: float = Field(2.0, gt=0, description="Exponent of cos(incidence); 2 is Lambert's law for intensity.")
-    angle_step: float = Field(0.035, gt=0, description="Knots of the beam pattern [rad]; two degrees resolve sidelobes.")
-    n_pings: int = Field(800, ge=10, description="Pings looked at for the first estimate, spread over the dive.")
-    n_windows: int = Field(8, ge=0, description="Windows reconstructed coarsely to refine the beam pattern.")
-    n_rounds: int = Field(2, ge=0, description="Rounds of that refinement; more changes nothing.")
-    smoothness: float = Field(30.0, ge=0, description="Weight of second differences of the beam pattern, in knots.")
+    exponent: float = Field(
+        default=2.0, gt=0, description="Exponent [1] of cos(incidence); 2 is Lambert's law for intensity."
+    )
+    angle_step: float = Field(
+        default=0.035, gt=0, description="Knots of the beam pattern [rad]; two degrees resolve sidelobes."
+    )
+    n_pings: int = Field(
+        default=800, ge=10, description="Pings [1] looked at for the first estimate, spread over the dive."
+    )
+    n_windows: int = Field(
+        default=8,
+        ge=0,
+        description="Windows [1] reconstructed coarsely to refine the beam pattern: their slopes average out.",
+    )
+    n_rounds: int = Field(default=2, ge=0, description="Rounds [1] of that refinement; more changes nothing.")
+    smoothness: float = Field(
+        default=30.0,
+        ge=0,
+        description="Weight [1] of the beam pattern's second differences between knots; hides speckle.",
+    )
 
 
 @dataclass(frozen=True)
@@ -72,7 +88,7 @@ class Radiometry:
     tables: Tables
 
 
-def to_intensity(echoes: FloatArray, quantity: Quantity) -> FloatArray:
+def to_intensity(echoes: AnyArray, quantity: Quantity) -> FloatArray:
     """Intensities of recorded numbers.
 
     Parameters
@@ -112,7 +128,9 @@ def estimate_radiometry(recording: Recording, bottom: Bottom, config: Radiometry
     radiometry : Radiometry
         To be refined with reconstructed windows.
     """
-    quantity = _estimate_quantity(recording, bottom) if recording.sonar.quantity == Quantity.UNKNOWN else recording.sonar.quantity
+    quantity = recording.sonar.quantity
+    if quantity == Quantity.UNKNOWN:
+        quantity = _estimate_quantity(recording, bottom)
     chosen = np.unique(np.linspace(0, recording.n_pings - 1, config.n_pings).astype(int))
     some = recording[chosen]
     echoes = to_intensity(np.stack([some.port, some.starboard], axis=1), quantity)
@@ -153,12 +171,12 @@ def refine(tables: Tables, angle: FloatArray, measured: FloatArray, modelled: Fl
     return replace(tables, log_beam=log_beam)
 
 
-def _knots(angle: FloatArray, tables: Tables) -> np.ndarray:
-    position = np.round((angle - tables.angle_first) / tables.angle_step).astype(int)
+def _knots(angle: FloatArray, tables: Tables) -> IntArray:
+    position = np.round((angle - tables.angle_first) / tables.angle_step).astype(np.int64)
     return np.clip(position, 0, tables.log_beam.shape[1] - 1)
 
 
-def _smooth(values: FloatArray, known: np.ndarray, weight: FloatArray, smoothness: float) -> FloatArray:
+def _smooth(values: FloatArray, known: BoolArray, weight: FloatArray, smoothness: float) -> FloatArray:
     """Least squares through the known knots with small second differences; straight lines where nothing is known."""
     n = known.size
     w = np.where(known, np.minimum(weight, 10.0), 0.0) + 1e-9
@@ -185,12 +203,13 @@ def _noise_floor(echoes: FloatArray, recording: Recording, bottom: Bottom) -> Fl
         median = np.median(water) if water.size else 0.0
         floor[side] = np.mean(water[water <= 6 * median]) if median > 0 else 0.0
     smallest = 1e-6 * float(np.nanmean(echoes))
-    return np.maximum(floor, smallest)
+    return np.asarray(np.maximum(floor, smallest))
 
 
 def _estimate_quantity(recording: Recording, bottom: Bottom) -> Quantity:
     """Amplitude speckle varies by 0.52 of its mean, intensity speckle by 1; ping-to-ping differences tell."""
-    return Quantity.INTENSITY if np.sqrt(_variation(recording, bottom, Quantity.INTENSITY, 1)) > 0.72 else Quantity.AMPLITUDE
+    variation = np.sqrt(_variation(recording, bottom, Quantity.INTENSITY, 1))
+    return Quantity.INTENSITY if variation > 0.72 else Quantity.AMPLITUDE
 
 
 def _looks(recording: Recording, bottom: Bottom, quantity: Quantity) -> float:
@@ -199,7 +218,7 @@ def _looks(recording: Recording, bottom: Bottom, quantity: Quantity) -> float:
 
 
 def _variation(recording: Recording, bottom: Bottom, quantity: Quantity, n: int) -> float:
-    """Squared coefficient of variation of means of n samples, from differences of neighbouring pings on the seafloor."""
+    """Squared coefficient of variation of means of n samples, from neighbouring pings on the seafloor."""
     rows = np.unique(np.linspace(0, max(recording.n_pings - 2, 0), 400).astype(int))
     slant_range, ratios = _slant_range(recording), []
     length = recording.n_samples // n * n
@@ -227,8 +246,8 @@ def _flat_floor_tables(
     usable = np.isfinite(angle) & np.isfinite(echoes) & np.isfinite(shape)
     usable &= slant_range[None, None, :] > 1.05 * bottom.altitude[:, None, None]
     tables = Tables(np.zeros((2, n_knots)), -0.5, config.angle_step, np.zeros(2), 1.0, noise, config.exponent)
-    excess = np.where(usable, (echoes - noise[None, :, None]) / np.where(usable, shape, 1.0), 0.0)
-    log_beam, power = _fit_beam_and_range(angle, excess, usable, slant_range, tables, config.smoothness)
+    level = np.where(usable, (echoes - noise[None, :, None]) / np.where(usable, shape, 1.0), 0.0)
+    log_beam, power = _fit_beam_and_range(_Excess(angle, level, usable), slant_range, tables, config.smoothness)
     range_step = float(slant_range[-1]) / 200
     knots = np.maximum(np.arange(260) * range_step, 0.5)
     return replace(tables, log_beam=log_beam, log_range=-power * np.log(knots), range_step=range_step)
@@ -241,11 +260,20 @@ def _flat_floor_shape(slant_range: FloatArray, altitude: FloatArray, exponent: f
     return np.asarray(cosine**exponent / sine)
 
 
+@dataclass(frozen=True)
+class _Excess:
+    """Echoes above the noise floor against those of a flat floor, shape (N, 2, M), and which of them count."""
+
+    angle: FloatArray
+    level: FloatArray
+    is_usable: BoolArray
+
+
 def _fit_beam_and_range(
-    angle: FloatArray, excess: FloatArray, usable: np.ndarray, slant_range: FloatArray, tables: Tables, smoothness: float
+    excess: _Excess, slant_range: FloatArray, tables: Tables, smoothness: float
 ) -> tuple[FloatArray, float]:
     """Beam pattern, and the power of range that leaves the least spread over range at equal angle."""
-    sums, counts, log_range = _histogram(angle, excess, usable, slant_range, tables)
+    sums, counts, log_range = _histogram(excess, slant_range, tables)
     known = (counts > 0) & (sums > 0)
     log_mean = np.log(np.where(known, sums, 1.0)) - np.log(np.where(known, counts, 1.0))
     weight = np.where(known, counts, 0.0)
@@ -262,17 +290,15 @@ def _fit_beam_and_range(
     return np.stack(beam), float(power)
 
 
-def _histogram(
-    angle: FloatArray, excess: FloatArray, usable: np.ndarray, slant_range: FloatArray, tables: Tables, n_ranges: int = 40
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _histogram(excess: _Excess, slant_range: FloatArray, tables: Tables) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums and counts over (side, angle knot, range), and the logarithm of the ranges."""
-    n_knots = tables.log_beam.shape[1]
-    column = (np.arange(slant_range.size) * n_ranges // slant_range.size)[None, :]
-    sums, counts = np.zeros((2, n_knots, n_ranges)), np.zeros((2, n_knots, n_ranges))
+    shape = (tables.log_beam.shape[1], _N_RANGES)
+    column = (np.arange(slant_range.size) * _N_RANGES // slant_range.size)[None, :]
+    sums, counts = np.zeros((2, *shape)), np.zeros((2, *shape))
     for side in range(2):
-        good = usable[:, side]
-        cell = (_knots(angle[:, side][good], tables) * n_ranges) + np.broadcast_to(column, good.shape)[good]
-        sums[side] = np.bincount(cell, excess[:, side][good], n_knots * n_ranges).reshape(n_knots, n_ranges)
-        counts[side] = np.bincount(cell, minlength=n_knots * n_ranges).reshape(n_knots, n_ranges)
-    centre = (np.arange(n_ranges) + 0.5) * slant_range[-1] / n_ranges
+        good = excess.is_usable[:, side]
+        cell = _knots(excess.angle[:, side][good], tables) * _N_RANGES + np.broadcast_to(column, good.shape)[good]
+        sums[side] = np.bincount(cell, excess.level[:, side][good], sums[side].size).reshape(shape)
+        counts[side] = np.bincount(cell, minlength=sums[side].size).reshape(shape)
+    centre = (np.arange(_N_RANGES) + 0.5) * slant_range[-1] / _N_RANGES
     return sums, counts, np.log(centre)

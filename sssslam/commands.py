@@ -9,13 +9,19 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from frontend.bottom import find_bottom
 from frontend.reconstruction import calibrate
-from frontend.recording import Recording
+from frontend.recording import Recording, Truth
 from frontend.windows import sliding_windows
 from sssslam.config import Config, default_toml, load_config, resolve
+from sssslam.evaluation.run import evaluate_run
 from sssslam.health import examine
 from sssslam.pipeline import notes, reconstruct_windows, slam
+from sssslam.products.grids import read_terrain
 from sssslam.products.result import Result
+from sssslam.products.run import read_run
+from sssslam.products.tum import read_tum
+from sssslam.products.write import add_metrics
 from sssslam.readers import read
+from sssslam.readers.netcdf import read_netcdf
 from sssslam.readers.netcdf_writing import write_netcdf
 from sssslam.simulation import load_scene, scene_names, simulate, with_seed
 from sssslam.watch import Watch
@@ -108,6 +114,8 @@ def demo(out: Path, seed: int | None, config: Config) -> None:
         recording = simulate(scene if seed is None else with_seed(scene, seed))
     result = _slam(recording, config)
     result.write(out)
+    assert recording.truth is not None
+    _judge(out, recording.truth)
     _say_result(result, out)
 
 
@@ -165,6 +173,25 @@ def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, con
     out_console.print(f"{len(submaps)} submaps in {out / 'submaps'}; look at {out / 'figures' / 'submaps.png'}")
 
 
+def evaluate(out: Path, reference: Path, terrain: Path | None) -> None:
+    """Compare a finished run with a reference and add the metrics to its report.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the run.
+    reference : Path
+        A TUM file, or a recording in the open container with truth.
+    terrain : Path or None
+        True heights; None takes those of the reference, if it has any.
+    """
+    truth = _read_truth(reference)
+    if terrain is not None:
+        truth = Truth(truth.trajectory, read_terrain(terrain))
+    _judge(out, truth)
+    out_console.print(f"report: {out / 'report.html'}")
+
+
 def info(recordings: Sequence[Path], channels: str | None) -> None:
     """Say what is in a recording and what looks wrong.
 
@@ -211,6 +238,27 @@ def _slam(recording: Recording, config: Config) -> Result:
     result = slam(recording, config, Shown())
     _say(result.notes)
     return result
+
+
+def _read_truth(reference: Path) -> Truth:
+    """A track from a TUM file, or the truth of a container; the content tells which."""
+    with reference.open("rb") as file:
+        is_container = file.read(8) == b"\x89HDF\r\n\x1a\n"
+    if not is_container:
+        return Truth(read_tum(reference))
+    truth = read_netcdf(reference).truth
+    if truth is None:
+        raise ValueError(f"{reference} holds no truth; a simulated recording or a TUM file is wanted")
+    return truth
+
+
+def _judge(out: Path, truth: Truth) -> None:
+    """Measure a run against the truth, add the metrics to it, and print them."""
+    metrics = evaluate_run(read_run(out), truth)
+    add_metrics(out, metrics, truth.trajectory)
+    width = max(len(metric.name) for metric in metrics)
+    for metric in metrics:
+        out_console.print(f"{metric.name:{width}}  {metric.value:9.4g} {metric.unit:14s} {metric.how}", markup=False)
 
 
 def _say(lines: Sequence[str]) -> None:

@@ -36,7 +36,7 @@ class Config(BaseModel):
     dead_reckoning: DeadReckoningConfig = DeadReckoningConfig()
     consistency: ConsistencyConfig = ConsistencyConfig()
     pose_graph: PoseGraphConfig = PoseGraphConfig()
-    seed: int = Field(0, ge=0, description="Seed of every random draw [1].")
+    seed: int = Field(default=0, ge=0, description="Seed of every random draw [1].")
 
 
 def load_config(path: str | Path | None = None, settings: Iterable[str] = ()) -> Config:

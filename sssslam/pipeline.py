@@ -114,6 +114,11 @@ class Slam:
             return self._track
         return correct(self._track, self.submaps, self._solution, self._dead_reckoning())[0]
 
+    @property
+    def n_pings_kept(self) -> int:
+        """Number of pings whose echoes are still held."""
+        return self._pings.n_pings if self._pings is not None else 0
+
     def add(self, chunk: Recording) -> None:
         """Take the next pings.
 

@@ -24,7 +24,9 @@ class ReconstructionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    method: Literal["joint"] = Field("joint", description="joint: height and reflectivity by analysis by synthesis.")
+    method: Literal["joint"] = Field(
+        default="joint", description="joint: height and reflectivity by analysis by synthesis."
+    )
     joint: JointConfig = JointConfig()
 
 

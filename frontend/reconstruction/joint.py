@@ -2,7 +2,7 @@
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import binary_closing, gaussian_filter, map_coordinates
 from scipy.sparse import csr_array
 
 from frontend.arrays import FloatArray
@@ -24,16 +24,16 @@ class JointConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    spacing: float | None = Field(None, gt=0, description="Cells of the finest grid [m]; auto: slant range / 55.")
-    n_levels: int = Field(3, ge=1, le=6, description="Resolutions, each twice as fine as the one before.")
-    bins_per_cell: float = Field(2.0, gt=0, description="Slant-range bins a cell; a coarse grid with fine bins aliases.")
-    looks_most: float = Field(6.0, gt=0, description="Looks that a bin may count; relief below a cell makes the rest.")
-    blur: float = Field(0.02, ge=0, description="Share of the mean echo added to echo and model; softens dark bins.")
-    tail: float = Field(20.0, gt=0, description="Deviance at which a bin counts half; echoes of fish and wreckage.")
-    altimeter_sigma: float = Field(0.3, gt=0, description="Altimeter against the surface of a cell [m].")
-    altimeter_length: float = Field(4.0, gt=0, description="Track over which altimeter errors repeat [m].")
-    n_draws: int = Field(6, ge=2, description="Draws from the posterior behind sigma.")
-    sigma_factor: float = Field(2.0, gt=0, description="Sigma against that of the posterior; calibrated on simulation.")
+    spacing: float | None = Field(default=None, gt=0, description="Cells of the finest grid [m]; auto: slant range / 55.")
+    n_levels: int = Field(default=3, ge=1, le=6, description="Resolutions, each twice as fine as the one before.")
+    bins_per_cell: float = Field(default=2.0, gt=0, description="Slant-range bins a cell; a coarse grid with fine bins aliases.")
+    looks_most: float = Field(default=6.0, gt=0, description="Looks that a bin may count; relief below a cell makes the rest.")
+    blur: float = Field(default=0.02, ge=0, description="Share of the mean echo added to echo and model; softens dark bins.")
+    tail: float = Field(default=20.0, gt=0, description="Deviance at which a bin counts half; echoes of fish and wreckage.")
+    altimeter_sigma: float = Field(default=0.3, gt=0, description="Altimeter against the surface of a cell [m].")
+    altimeter_length: float = Field(default=4.0, gt=0, description="Track over which altimeter errors repeat [m].")
+    n_draws: int = Field(default=6, ge=2, description="Draws from the posterior behind sigma.")
+    sigma_factor: float = Field(default=2.0, gt=0, description="Sigma against that of the posterior; calibrated on simulation.")
     prior: PriorConfig = PriorConfig()
     solver: SolverConfig = SolverConfig()
 
@@ -228,7 +228,8 @@ def _submap(
 ) -> Submap:
     raster = posterior.raster
     passed, seen = coverage(solution.x[0], raster, posterior.beams, data.slant_range_max)
-    known = lambda values: np.where(passed, values, np.nan)  # noqa: E731
+    covered = passed | binary_closing(np.pad(passed, 2), iterations=2)[2:-2, 2:-2]  # lines fan out in turns
+    z, known_sigma, rho = (np.where(covered, values, np.nan) for values in (solution.x[0], sigma, solution.x[1]))
     return Submap(
         window.number,
         window.first_ping,
@@ -237,8 +238,8 @@ def _submap(
         float(recording.ping_time[window.anchor_ping]),
         data.T_world_submap,
         data.T_submap_body,
-        Heightfield(known(solution.x[0]), raster.spacing, raster.origin),
-        known(sigma),
-        known(solution.x[1]),
+        Heightfield(z, raster.spacing, raster.origin),
+        known_sigma,
+        rho,
         passed & ~seen,
     )

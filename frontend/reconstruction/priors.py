@@ -20,11 +20,11 @@ class PriorConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     roughness: float = Field(
-        0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."
+        default=0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."
     )
-    longest: float = Field(40.0, gt=0, description="Wavelength beyond which relief grows no more [m]; a window sees little of longer ones.")
-    reflectivity: float = Field(0.1, gt=0, description="Standard deviation of log-reflectivity [1].")
-    reflectivity_length: float = Field(8.0, gt=0, description="Correlation length of reflectivity [m].")
+    longest: float = Field(default=40.0, gt=0, description="Wavelength beyond which relief grows no more [m]; a window sees little of longer ones.")
+    reflectivity: float = Field(default=0.1, gt=0, description="Standard deviation of log-reflectivity [1].")
+    reflectivity_length: float = Field(default=8.0, gt=0, description="Correlation length of reflectivity [m].")
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,11 @@ class SolverConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    n_steps: int = Field(3, ge=1, description="Gauss-Newton steps at each resolution, at most; more fit speckle.")
-    n_products: int = Field(10, ge=1, description="Conjugate-gradient products a step, at most.")
-    tolerance: float = Field(0.05, gt=0, lt=1, description="Residual of a linear solve, as a share of its start.")
-    improvement: float = Field(1e-3, gt=0, description="Stop when a step lowers the cost by less than this share.")
-    step_height: float = Field(0.75, gt=0, description="Largest change of a height in one step, in cells.")
+    n_steps: int = Field(default=3, ge=1, description="Gauss-Newton steps at each resolution, at most; more fit speckle.")
+    n_products: int = Field(default=10, ge=1, description="Conjugate-gradient products a step, at most.")
+    tolerance: float = Field(default=0.05, gt=0, lt=1, description="Residual of a linear solve, as a share of its start.")
+    improvement: float = Field(default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share.")
+    step_height: float = Field(default=0.75, gt=0, description="Largest change of a height in one step, in cells.")
 
 
 @dataclass(frozen=True)

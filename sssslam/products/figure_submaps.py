@@ -61,9 +61,9 @@ def draw_submaps(submaps: Sequence[Submap], truth: Truth | None) -> bytes:
         figure = look.new_figure(11, 2.7 * len(submaps) + 0.4)
         grid = figure.subplots(len(submaps), n_columns, squeeze=False, gridspec_kw={"wspace": 0.2, "hspace": 0.22})
         for row, submap in zip(grid, submaps, strict=True):
-            surfaces = {f"submap {submap.number}: height": submap.surface}
+            surfaces = {f"submap {submap.number}: height [m]": submap.surface}
             if truth is not None and terrain is not None:
-                surfaces["true height"] = true_surface(submap, truth, terrain)
+                surfaces["true height [m]"] = true_surface(submap, truth, terrain)
             _draw_heights(figure, [row[0], row[-1]], surfaces)
             _draw_sigma(figure, row[1], submap)
             _draw_reflectivity(figure, row[2], submap)
@@ -99,7 +99,7 @@ def _draw_heights(figure: Any, axes: Sequence[Any], surfaces: dict[str, Heightfi
     thinned = [look.thin(surface) for surface in surfaces.values()]
     limits, factor = look.percentile_limits(thinned[0].z), exaggeration(thinned[0])
     for axis, title, surface in zip(axes, surfaces, thinned, strict=False):
-        _finish(figure, axis, look.draw_relief(axis, surface, limits, factor), title, "m")
+        _finish(figure, axis, look.draw_relief(axis, surface, limits, factor), title)
 
 
 def _draw_sigma(figure: Any, axes: Any, submap: Submap) -> None:
@@ -112,7 +112,7 @@ def _draw_sigma(figure: Any, axes: Any, submap: Submap) -> None:
         vmin=0.0,
         vmax=look.percentile_limits(layer.z)[1],
     )
-    _finish(figure, axes, image, "sigma", "m")
+    _finish(figure, axes, image, "sigma [m]")
 
 
 def _draw_reflectivity(figure: Any, axes: Any, submap: Submap) -> None:
@@ -121,7 +121,7 @@ def _draw_reflectivity(figure: Any, axes: Any, submap: Submap) -> None:
     low, high = look.percentile_limits(layer.z)
     image = axes.imshow(layer.z, origin="lower", extent=look.extent(layer), cmap="gray", vmin=low, vmax=high)
     _tint(axes, submap, submap.is_shadow & submap.is_known)
-    _finish(figure, axes, image, "reflectivity, shadow tinted", "dB")
+    _finish(figure, axes, image, "reflectivity [dB], shadow tinted")
 
 
 def _tint(axes: Any, submap: Submap, is_shadow: BoolArray) -> None:
@@ -130,11 +130,11 @@ def _tint(axes: Any, submap: Submap, is_shadow: BoolArray) -> None:
     axes.imshow(colours, origin="lower", extent=look.extent(submap.surface))
 
 
-def _finish(figure: Any, axes: Any, scale: Any, title: str, unit: str) -> None:
+def _finish(figure: Any, axes: Any, scale: Any, title: str) -> None:
     axes.set_facecolor(look.UNKNOWN)
     axes.grid(False)
-    axes.set(aspect="equal", title=title)
+    axes.set(aspect="equal")
+    axes.set_title(title, fontsize=9)
     axes.tick_params(labelsize=7.5)
     bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02)
-    bar.set_label(unit, fontsize=8)
     bar.ax.tick_params(labelsize=7.5)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frontend.arrays import FloatArray
+from frontend.frames import wrap_angle
 from frontend.georeference import Georeference
 from frontend.loop_closures import LoopClosure
 from frontend.trajectory import Trajectory
@@ -72,10 +73,10 @@ def format_trajectory_csv(trajectory: Trajectory, sigmas: FloatArray, georeferen
     Returns
     -------
     text : str
-        A header and N rows: metres and radians to 6 decimals, degrees to 9 (0.1 mm).
+        A header and N rows: metres and radians (in [-pi, pi)) to 6 decimals, degrees to 9 (0.1 mm).
     """
-    names = ("time", "x", "y", "z", "roll", "pitch", "yaw")
-    values = np.column_stack([*(getattr(trajectory, name) for name in names), sigmas])
+    attitude = [wrap_angle(angle) for angle in (trajectory.roll, trajectory.pitch, trajectory.yaw)]
+    values = np.column_stack([trajectory.time, trajectory.positions, *attitude, sigmas])
     rows = [[format_number(value) for value in row] for row in values]
     if georeference is None:
         return format_table(TRAJECTORY_COLUMNS, rows)

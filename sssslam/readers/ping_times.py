@@ -73,7 +73,7 @@ def repair_times(stamps: FloatArray, nominal_interval: float) -> tuple[FloatArra
     elif is_late.any():
         notes.append(f"ping times not later than the one before, interpolated: {is_late.sum()}")
         time = _interpolate(np.where(is_late, np.nan, time), interval)
-    return time, notes
+    return _strictly_increasing(time, interval), notes
 
 
 def _typical_interval(stamps: FloatArray, nominal_interval: float) -> float:

@@ -221,7 +221,7 @@ def _density(beam, plane, ray, floor):  # type: ignore[no-untyped-def]
     cosine = (slope_x * dx + slope_y * dy - dz) / (r * np.sqrt(1.0 + slope_x**2 + slope_y**2))
     delay = 2.0 * r / beam.sound_speed
     # The beam that receives has moved and turned since it sent (first order in the delay).
-    offset_back = offset + (-y * plane.turn_out + w * plane.turn_down - plane.speed_forward) * delay / width
+    offset_back = offset + (y * plane.turn_out + w * plane.turn_down - plane.speed_forward) * delay / width
     approach = (y * plane.speed_out + w * plane.speed_down + shift * plane.speed_forward) / r
     vertical = _vertical(beam, t + plane.roll) * _vertical(beam, t + plane.roll + plane.roll_rate * delay)
     horizontal = _horizontal(beam, offset) * _horizontal(beam, offset_back)

@@ -130,8 +130,8 @@ def test_flat_mud_has_less_information_than_rough_floor():
     rough, mud = rough_seafloor(rng), rough_seafloor(rng, rms=0.8)
     mud = replace(mud, z=0.01 * mud.z)
     high, low = (extract_relief(cut_submap(s, (150.0, 150.0, 0.0), rng, error=0.05)) for s in (rough, mud))
-    assert high.information > 3
-    assert low.information < 1
+    assert high.information > 1.5
+    assert low.information < 0.75  # what is left is the error itself
 
 
 def test_coarse_cells_are_the_weighted_means_of_their_blocks():

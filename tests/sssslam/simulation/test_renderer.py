@@ -228,6 +228,36 @@ def test_yaw_between_sending_and_receiving_costs_the_overlap_of_the_beams(bench:
     assert turning[sample] / still[sample] == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.parametrize(("velocity", "yaw_rate", "ahead"), [(20.0, 0.0, True), (0.0, 0.1, False), (0.0, -0.1, True)])
+def test_echoes_come_from_half_way_between_the_beam_that_sends_and_the_beam_that_hears(
+    bench: Any, velocity: float, yaw_rate: float, ahead: bool
+) -> None:
+    # Moving on, the port array hears ahead of where it sent; turning to port it hears behind.
+    bench.options |= {"array_length": 0.5, "frequency": 400e3, "n_sub_beams": 101, "sub_beam_extent": 1.5}
+    rates = Rates(np.array([[velocity, 0.0, 0.0]]), np.array([[0.0, 0.0, yaw_rate]]))
+    front, back = (
+        _with_reflectivity(bench, lambda x, y, s=sign: np.where(s * x > 0, 1.0, 0.0) + 0.0 * y).echo(rates=rates)[700]
+        for sign in (1.0, -1.0)
+    )
+    assert (front > 1.5 * back) if ahead else (back > 1.5 * front)
+
+
+def _with_reflectivity(bench: Any, reflectivity: Any) -> Any:
+    bench.reflectivity = reflectivity
+    return bench
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_side_that_rises_while_the_sound_travels_hears_farther_out(bench: Any, side: float) -> None:
+    bench.options |= {"vertical_beamwidth_deg": 4.0, "depression_deg": 40.0, "sidelobe_level": -300.0}
+    delay = 2 * H / np.cos(np.radians(50.0)) / 1500.0
+    # Starboard goes down by 4 degrees in the meantime: port rises, and the beams meet half-way.
+    rates = Rates(np.zeros((1, 3)), np.array([[np.radians(4.0) / delay, 0.0, 0.0]]))
+    moved = np.argmax(bench.echo(side, rates)) - np.argmax(bench.echo(side))
+    expected = H / np.cos(np.radians(50.0 + side * 2.0)) - H / np.cos(np.radians(50.0))
+    assert moved * 0.05 == pytest.approx(expected, abs=0.15)
+
+
 def test_closing_in_on_the_floor_shortens_the_echo_by_half_the_way_made(bench: Any) -> None:
     speed = 30.0
     moving = bench.echo(rates=Rates(np.array([[0.0, 0.0, -speed]]), np.zeros((1, 3))))

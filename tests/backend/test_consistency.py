@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures
+
+
+def test_all_true_closures_agree(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    consistent = consistent_closures(survey.compared(survey.true_closures(rng)))
+    assert consistent.is_member.all()
+    assert consistent.odometry_scale < 2.0
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_as_many_independent_false_closures_hardly_one_agrees(make_survey, seed):
+    survey, rng = make_survey(seed), np.random.default_rng(seed)
+    true = survey.true_closures(rng)
+    is_member = consistent_closures(survey.compared(true + survey.independent_false(len(true), rng))).is_member
+    assert is_member[: len(true)].sum() >= len(true) - 1
+    assert is_member[len(true) :].sum() <= 1  # by chance a false one lies where it should
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_two_groups_of_false_closures_with_one_offset_each_do_not_outvote_the_true_ones(make_survey, seed):
+    survey, rng = make_survey(seed), np.random.default_rng(seed)
+    true = survey.true_closures(rng)
+    false = survey.repeated_false(2 * len(true), len(true), rng)
+    is_member = consistent_closures(survey.compared(true + false)).is_member
+    assert is_member[: len(true)].sum() >= len(true) - 1
+    assert not is_member[len(true) :].any()
+
+
+def test_drift_three_times_its_model_is_blamed_on_odometry_and_not_on_closures(make_survey):
+    scales = []
+    for seed in range(5):
+        survey, rng = make_survey(seed, drift_factor=3.0), np.random.default_rng(seed)
+        consistent = consistent_closures(survey.compared(survey.true_closures(rng)))
+        assert consistent.is_member.mean() > 0.6
+        scales.append(consistent.odometry_scale)
+    assert 1.4 < np.median(scales) < 4.1  # one draw of the constant errors each: far from the mean factor
+
+
+def test_one_place_many_times_is_one_vote_and_not_believed(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    closures = [survey.closure(t, s, rng) for t, s in [(4, 57), (4, 58), (5, 57), (3, 57)]]
+    compared = survey.compared(closures)
+    assert count_votes(compared, ConsistencyConfig()) == 1
+    assert not consistent_closures(compared).is_member.any()
+    assert consistent_closures(compared, ConsistencyConfig(min_votes=1)).is_member.all()
+
+
+def test_a_single_closure_is_believed_only_if_asked_for_and_near_dead_reckoning(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    alone = [survey.closure(4, 57, rng)]
+    far = [survey.false_closure(4, 57, np.array([300.0, 300.0, 0.0]), rng)]
+    one_is_enough = ConsistencyConfig(min_votes=1)
+    assert not consistent_closures(survey.compared(alone)).is_member.any()
+    assert consistent_closures(survey.compared(alone), one_is_enough).is_member.all()
+    assert not consistent_closures(survey.compared(far), one_is_enough).is_member.any()
+
+
+def test_no_closures_make_an_empty_set(make_survey):
+    consistent = consistent_closures(make_survey(0).compared([]))
+    assert consistent.is_member.shape == (0,)
+    assert consistent.odometry_scale == 1.0
+
+
+def test_closures_left_out_by_thinning_are_judged_by_the_others(make_survey):
+    survey, rng = make_survey(1), np.random.default_rng(1)
+    true = survey.true_closures(rng)
+    closures = true + survey.independent_false(5, rng)
+    thinned = consistent_closures(survey.compared(closures), ConsistencyConfig(max_closures=12))
+    assert thinned.is_member[: len(true)].sum() >= len(true) - 1
+    assert thinned.is_member[len(true) :].sum() <= 1
+
+
+@given(st.lists(st.tuples(st.integers(0, 40), st.integers(41, 80)), max_size=30), st.integers(1, 8))
+def test_members_of_a_group_lie_near_its_founder_and_founders_apart(ends, stretch):
+    first, last = np.array(ends, dtype=np.int64).reshape(-1, 2).T
+    group = group_closures(first, last, stretch)
+    order = np.lexsort((last, first))
+    founders = {number: next(int(c) for c in order if group[c] == number) for number in set(group.tolist())}
+    for closure, number in enumerate(group):
+        founder = founders[int(number)]
+        assert abs(first[closure] - first[founder]) < stretch
+        assert abs(last[closure] - last[founder]) < stretch
+    for a in founders.values():
+        for b in founders.values():
+            assert a == b or abs(first[a] - first[b]) >= stretch or abs(last[a] - last[b]) >= stretch
+
+
+def test_a_larger_stretch_makes_fewer_groups():
+    first, last = np.arange(0, 20), np.arange(60, 40, -1)  # two opposite legs side by side
+    assert [len(set(group_closures(first, last, stretch).tolist())) for stretch in (1, 2, 5, 30)] == [20, 10, 4, 1]
+
+
+def test_misspelt_settings_are_refused():
+    with pytest.raises(ValidationError, match="min_vote"):
+        ConsistencyConfig(min_vote=1)

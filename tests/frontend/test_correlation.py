@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frontend.correlation import correlate, padded_shape, spectra
+
+
+def surface_of(a, wa, b, wb):
+    padded = padded_shape(a.shape, b.shape)
+    return correlate(spectra(a, wa, padded), spectra(b, wb, padded))
+
+
+def by_definition(a, wa, b, wb, dy, dx):
+    """Weighted correlation of the cells that coincide when b's first cell lies on a's cell (dy, dx)."""
+    pairs = []
+    for i in range(b.shape[0]):
+        for j in range(b.shape[1]):
+            k, m = i + dy, j + dx
+            if 0 <= k < a.shape[0] and 0 <= m < a.shape[1]:
+                pairs.append((a[k, m], b[i, j], wa[k, m] * wb[i, j]))
+    u, v, w = np.array(pairs).T
+    mean_u, mean_v = np.average(u, weights=w), np.average(v, weights=w)
+    covariance = np.sum(w * (u - mean_u) * (v - mean_v))
+    n = int(np.count_nonzero(w))
+    return covariance / np.sqrt(np.sum(w * (u - mean_u) ** 2) * np.sum(w * (v - mean_v) ** 2)), n
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.integers(-3, 6), st.integers(-2, 5))
+def test_every_shift_agrees_with_the_definition(seed, dy, dx):
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(9, 8)), rng.normal(size=(6, 7))
+    wa, wb = rng.uniform(0.2, 1, a.shape) * (rng.uniform(size=a.shape) < 0.8), rng.uniform(0.2, 1, b.shape)
+    surface = surface_of(a, wa, b, wb)
+    i, j = list(surface.shift_y).index(dy), list(surface.shift_x).index(dx)
+    expected, n = by_definition(a, wa, b, wb, dy, dx)
+    assert surface.overlap[i, j] == n
+    if n > 2:
+        assert surface.correlation[i, j] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_part_is_found_where_it_was_cut_out():
+    a = np.random.default_rng(0).normal(size=(40, 50))
+    b = a[7:27, 12:42]
+    surface = surface_of(a, np.ones_like(a), b, np.ones_like(b))
+    i, j = np.unravel_index(np.argmax(np.where(surface.overlap > 300, surface.correlation, -1)), surface.overlap.shape)
+    assert (surface.shift_y[i], surface.shift_x[j]) == (7, 12)
+    assert surface.correlation[i, j] == pytest.approx(1.0)
+    assert surface.overlap[i, j] == b.size
+
+
+def test_cells_without_weight_have_no_influence():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(20, 20)), rng.normal(size=(20, 20))
+    weight = np.ones_like(a)
+    weight[5:9, 5:9] = 0
+    wild = np.where(weight > 0, a, 1e4)
+    calm = np.where(weight > 0, a, 0.0)
+    ones = np.ones_like(b)
+    assert surface_of(wild * (weight > 0), weight, b, ones).correlation == pytest.approx(
+        surface_of(calm, weight, b, ones).correlation, abs=1e-9
+    )
+
+
+def test_constant_or_absent_overlap_correlates_as_zero():
+    a, b = np.ones((6, 6)), np.random.default_rng(0).normal(size=(6, 6))
+    assert not surface_of(a, np.ones_like(a), b, np.ones_like(b)).correlation.any()
+    nothing = surface_of(a, np.zeros_like(a), b, np.ones_like(b))
+    assert not nothing.correlation.any()
+    assert not nothing.overlap.any()
+
+
+def test_correlation_is_unchanged_by_offset_and_scale():
+    rng = np.random.default_rng(3)
+    a, b, ones = rng.normal(size=(16, 16)), rng.normal(size=(16, 16)), np.ones((16, 16))
+    big = surface_of(a, ones, b, ones).overlap > 20
+    scaled = surface_of(5 * a + 2, ones, 0.1 * b - 1, ones).correlation
+    assert scaled[big] == pytest.approx(surface_of(a, ones, b, ones).correlation[big], abs=1e-6)
+
+
+def test_spectra_of_different_padding_are_refused():
+    a = np.ones((4, 4))
+    with pytest.raises(ValueError, match=r"padded alike and enough for both, got \(8, 8\) of \(4, 4\) and \(9, 9\)"):
+        correlate(spectra(a, a, (8, 8)), spectra(a, a, (9, 9)))
+
+
+def test_spectra_that_would_wrap_around_are_refused():
+    a = np.ones((4, 4))
+    with pytest.raises(ValueError, match="padded alike and enough for both"):
+        correlate(spectra(a, a, (6, 8)), spectra(a, a, (6, 8)))

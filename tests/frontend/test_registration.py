@@ -1,0 +1,130 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frontend.frames import invert, planar_parameters, planar_pose
+from frontend.overlap import stack_layers
+from frontend.registration import RegistrationConfig, register
+from frontend.relief import extract_relief
+from tests.frontend.seafloor_scenes import Seafloor, cut_submap, rough_seafloor
+
+TARGET = (150.0, 150.0, 0.4)
+
+
+def two_passes(seed, relative, error=0.05, seafloor=None):
+    rng = np.random.default_rng(seed)
+    seafloor = seafloor or rough_seafloor(rng)
+    a = cut_submap(seafloor, TARGET, rng, 0, error)
+    b = cut_submap(seafloor, planar_parameters(planar_pose(*TARGET) @ planar_pose(*relative)), rng, 1, error)
+    return a, b
+
+
+def layers_of(submap):
+    return stack_layers(extract_relief(submap))
+
+
+def error_of(T_target_source, relative):
+    x, y, yaw = planar_parameters(invert(planar_pose(*relative)) @ T_target_source)
+    return np.hypot(x, y), abs(yaw)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5, np.pi / 2, np.pi])
+def test_a_start_a_cell_and_two_degrees_off_comes_back_to_the_truth(turn):
+    relative = (6.0, -9.0, turn)
+    a, b = two_passes(1, relative, error=0.02)
+    start = planar_pose(6.8, -8.4, turn + 0.03)
+    shift, yaw = error_of(register(layers_of(a), layers_of(b), start).T_target_source, relative)
+    # heights in error by 0.02 m over slopes of 0.1 and some hundred independent places leave centimetres
+    assert shift < 0.1
+    assert yaw < 0.004
+
+
+def test_errors_are_as_large_as_the_sigmas_say():
+    """Mean squared error over variance of x, y and yaw for passes of different headings, 3 degrees of freedom each."""
+    squares = []
+    for seed in range(16):
+        relative = (5.0, 8.0, [0.0, 0.8, np.pi / 2, np.pi][seed % 4])
+        a, b = two_passes(seed, relative, error=0.06)
+        registration = register(layers_of(a), layers_of(b), planar_pose(5.5, 8.5, relative[2] + 0.01))
+        x, y, yaw = planar_parameters(registration.T_target_source)
+        error = np.array([x - 5.0, y - 8.0, np.angle(np.exp(1j * (yaw - relative[2])))])
+        squares.append(np.mean((error / registration.sigmas[[3, 4, 2]]) ** 2))
+    # chi-square of 48 degrees of freedom over 48 lies within 0.53 and 1.65 with 99.8 %; the floors make it smaller
+    assert 0.2 < np.mean(squares) < 1.65
+
+
+def test_noise_makes_the_sigmas_grow():
+    relative = (5.0, 8.0, 0.8)
+    low, high = (
+        register(*(layers_of(s) for s in two_passes(2, relative, error)), planar_pose(*relative)).sigmas
+        for error in (0.02, 0.15)
+    )
+    assert (high[2:5] > 1.2 * low[2:5]).all()
+
+
+def test_a_valley_fixes_the_place_across_but_not_along():
+    rng = np.random.default_rng(0)
+    profile = rough_seafloor(rng).z[150]
+    valley = Seafloor(np.tile(profile, (300, 1)), np.zeros((300, 300)))
+    a, b = two_passes(3, (4.0, 6.0, 0.0), error=0.03, seafloor=valley)
+    sigmas = register(layers_of(a), layers_of(b), planar_pose(4.0, 6.0, 0.0)).sigmas
+    along, across = np.array([-np.sin(-0.4), np.cos(-0.4)]), np.array([np.cos(-0.4), np.sin(-0.4)])
+    assert np.hypot(*(along * sigmas[3:5])) > 2 * np.hypot(*(across * sigmas[3:5])) or sigmas[3:5].max() > 0.4
+
+
+def test_offset_and_tilt_between_the_heights_are_found():
+    a, _ = two_passes(4, (0.0, 0.0, 0.0), error=0.02)
+    z = a.surface.z - 1.5 + 0.01 * a.surface.x[None, :] - 0.005 * a.surface.y[:, None]
+    b = replace(a, surface=replace(a.surface, z=z))
+    registration = register(layers_of(a), layers_of(b), np.eye(4))
+    assert registration.T_target_source[2, 3] == pytest.approx(1.5, abs=1e-3)
+    # the prior on the tilt draws it in by a little
+    assert registration.tilt == pytest.approx([-0.01, 0.005], abs=1e-4)
+    assert registration.height_residual < 0.01
+
+
+def test_heights_in_error_by_their_sigmas_leave_a_residual_of_one():
+    a, b = two_passes(5, (5.0, 5.0, np.pi), error=0.1)
+    assert register(layers_of(a), layers_of(b), planar_pose(5.0, 5.0, np.pi)).height_residual == pytest.approx(1, abs=0.3)
+
+
+def test_another_place_leaves_a_larger_residual():
+    rng = np.random.default_rng(6)
+    seafloor = rough_seafloor(rng)
+    a, b = (cut_submap(seafloor, pose, rng, error=0.05) for pose in ((90.0, 90.0, 0.0), (210.0, 210.0, 0.0)))
+    assert register(layers_of(a), layers_of(b), np.eye(4)).height_residual > 2
+
+
+def test_no_step_is_longer_than_its_limit():
+    a, b = two_passes(7, (5.0, 5.0, 0.0))
+    config = RegistrationConfig(n_iterations=1, max_step=0.25, max_turn=0.001)
+    start = planar_pose(9.0, 5.0, 0.05)
+    x, y, yaw = planar_parameters(register(layers_of(a), layers_of(b), start, config).T_target_source)
+    assert np.hypot(x - 9.0, y - 5.0) <= 0.25 + 1e-9
+    assert abs(yaw - 0.05) <= 0.001 + 1e-12
+
+
+def test_submaps_that_do_not_meet_stay_where_they_are_with_infinite_sigmas():
+    a, b = two_passes(8, (5.0, 5.0, 0.0))
+    start = planar_pose(500.0, 0.0, 0.3)
+    registration = register(layers_of(a), layers_of(b), start)
+    assert registration.T_target_source == pytest.approx(start)
+    assert np.isinf(registration.sigmas[2:5]).all()
+    assert np.isnan(registration.height_residual)
+
+
+def test_flat_floor_fixes_nothing():
+    flat = Seafloor(np.zeros((300, 300)), np.zeros((300, 300)))
+    a, b = two_passes(9, (5.0, 5.0, 0.0), error=0.0, seafloor=flat)
+    start = planar_pose(5.0, 5.0, 0.0)
+    registration = register(layers_of(a), layers_of(b), start)
+    assert registration.T_target_source[:2] == pytest.approx(start[:2])
+    assert np.isinf(registration.sigmas[3:5]).all()
+
+
+def test_the_transform_is_level():
+    a, b = two_passes(10, (5.0, 5.0, 1.0))
+    T = register(layers_of(a), layers_of(b), planar_pose(5.2, 5.0, 1.0)).T_target_source
+    assert T[2, :3].tolist() == [0, 0, 1]
+    assert T[:2, 2].tolist() == [0, 0]

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from frontend.frames import invert, planar_parameters, planar_pose
+from frontend.priors import Prior
+from frontend.relief import extract_relief
+from frontend.search import SearchConfig, propose
+from tests.frontend.seafloor_scenes import cut_submap, rippled_seafloor, rough_seafloor
+
+
+def prior_at(x, y, yaw, sigma=8.0, sigma_yaw=0.035):
+    return Prior(planar_pose(x, y, yaw), np.diag([1e-4, 1e-4, sigma_yaw**2, sigma**2, sigma**2, 1.0]))
+
+
+def reliefs(seed, relative, error=0.06, seafloor=None):
+    rng = np.random.default_rng(seed)
+    seafloor = seafloor or rough_seafloor(rng)
+    start = planar_pose(150.0, 150.0, 0.2)
+    poses = (planar_parameters(start), planar_parameters(start @ planar_pose(*relative)))
+    return [extract_relief(cut_submap(seafloor, pose, rng, k, error)) for k, pose in enumerate(poses)]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5, np.pi / 4, np.pi / 2, np.pi])
+def test_the_best_peak_is_the_true_place_at_every_heading(turn):
+    relative = (10.0, -15.0, turn)
+    target, source = reliefs(int(10 * turn), relative)
+    peaks = propose(target, source, prior_at(18.0, -9.0, turn + 0.03))
+    x, y, yaw = planar_parameters(invert(planar_pose(*relative)) @ peaks[0].T_target_source)
+    assert np.hypot(x, y) < 2.9  # the diagonal of a search cell
+    assert abs(yaw) < 0.036
+    assert peaks[0].significance > peaks[1].significance + 1.5
+
+
+def test_peaks_lie_inside_the_gate_apart_and_in_order():
+    target, source = reliefs(3, (10.0, -15.0, 0.3))
+    prior = prior_at(12.0, -15.0, 0.3)
+    peaks = propose(target, source, prior, SearchConfig(n_peaks=5))
+    places = np.array([peak.T_target_source[:2, 3] for peak in peaks])
+    assert len(peaks) == 5
+    assert all(prior.admits(peak.T_target_source) for peak in peaks)
+    assert all(a.significance >= b.significance for a, b in zip(peaks, peaks[1:], strict=False))
+    apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    assert apart[np.triu_indices(5, 1)].min() > 8.0
+
+
+def test_a_truth_outside_the_gate_is_not_found():
+    relative = (0.0, 40.0, 0.0)
+    target, source = reliefs(4, relative)
+    peaks = propose(target, source, prior_at(0.0, 0.0, 0.0, sigma=4.0))
+    assert all(np.hypot(*(peak.T_target_source[:2, 3] - [0.0, 40.0])) > 10 for peak in peaks)
+
+
+def test_no_peak_where_the_gate_holds_no_overlap():
+    target, source = reliefs(5, (0.0, 0.0, 0.0))
+    assert propose(target, source, prior_at(200.0, 0.0, 0.0)) == []
+
+
+def test_ripples_have_peaks_one_wavelength_apart_nearly_as_good_as_the_first():
+    target, source = reliefs(6, (3.0, 0.0, 0.0), error=0.02, seafloor=rippled_seafloor(wavelength=12.0))
+    peaks = propose(target, source, prior_at(3.0, 0.0, 0.0))
+    assert peaks[1].correlation > 0.9 * peaks[0].correlation
+
+
+def test_the_same_input_gives_the_same_peaks():
+    target, source = reliefs(7, (10.0, -15.0, 0.3))
+    first, second = (propose(target, source, prior_at(12.0, -15.0, 0.3)) for _ in range(2))
+    assert [p.significance for p in first] == [p.significance for p in second]
+    assert all(np.array_equal(a.T_target_source, b.T_target_source) for a, b in zip(first, second, strict=True))

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from frontend.frames import invert, planar_parameters, planar_pose
+from frontend.overlap import stack_layers
+from frontend.relief import extract_relief
+from frontend.verification import joint_area, verify
+from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
+
+RELATIVE = (10.0, -15.0, 0.6)
+
+
+def layers(seed, relative=RELATIVE, error=0.06):
+    rng = np.random.default_rng(seed)
+    seafloor = rough_seafloor(rng)
+    start = planar_pose(150.0, 150.0, 0.2)
+    poses = (planar_parameters(start), planar_parameters(start @ planar_pose(*relative)))
+    return [stack_layers(extract_relief(cut_submap(seafloor, p, rng, k, error))) for k, p in enumerate(poses)]
+
+
+def test_the_true_place_is_far_above_chance_and_its_reflectivity_agrees():
+    v = verify(*layers(0), planar_pose(10.7, -14.4, 0.62))
+    x, y, yaw = planar_parameters(invert(planar_pose(*RELATIVE)) @ v.T_target_source)
+    assert np.hypot(x, y) < 0.6
+    assert abs(yaw) < 0.015
+    assert v.significance > 6
+    assert v.correlation > 0.4
+    assert v.reflectivity_significance > 3
+    assert 0.5 < v.overlap < 0.9
+    assert v.height_residual < 2
+
+
+def test_a_wrong_place_is_what_chance_gives():
+    v = verify(*layers(0), planar_pose(-10.0, 5.0, 0.6))
+    assert v.significance < 4
+    assert v.reflectivity_significance < 3
+    assert v.height_residual > 2
+
+
+def test_relief_and_reflectivity_of_unrelated_floors_stay_within_chance():
+    values = []
+    for seed in range(6):
+        target, _ = layers(seed)
+        _, source = layers(seed + 50)
+        v = verify(target, source, planar_pose(*RELATIVE))
+        values.append((v.significance, v.reflectivity_significance))
+    # the refinement climbs the nearest hill: up to two standard deviations above a plain draw of six
+    assert np.abs(values).max() < 4.5
+
+
+def test_no_overlap_says_so():
+    v = verify(*layers(0), planar_pose(300.0, 0.0, 0.0))
+    assert v.overlap == 0
+    assert v.correlation == 0
+    assert v.significance == 0
+    assert np.isinf(v.sigmas[3])
+
+
+def test_the_joint_area_is_the_geometric_mean():
+    target, source = (part.relief for part in layers(1))
+    assert joint_area(target, source) == pytest.approx(np.sqrt(target.correlation_area * source.correlation_area))
+
+
+def test_swapping_the_submaps_inverts_the_transform():
+    target, source = layers(2)
+    forward = verify(target, source, planar_pose(*RELATIVE))
+    backward = verify(source, target, invert(planar_pose(*RELATIVE)))
+    x, y, yaw = planar_parameters(forward.T_target_source @ backward.T_target_source)
+    assert np.hypot(x, y) < 3 * np.hypot(*forward.sigmas[3:5])
+    assert abs(yaw) < 3 * forward.sigmas[2]
