@@ -13,17 +13,21 @@ for _name in ("frontend", "backend"):
             "move or rename that one, or run from another folder"
         )
 
-from frontend.features import Features
-from frontend.loop_closures import LoopClosure
-from frontend.recording import Quantity, Recording, SonarGeometry, Truth
-from frontend.submaps import Submap
-from frontend.trajectory import Trajectory
-from sssslam.api import describe, reconstruct
-from sssslam.config import Config, load_config
-from sssslam.pipeline import Slam, slam
-from sssslam.products.result import Result
-from sssslam.readers import read
-from sssslam.simulation import load_scene, simulate
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from frontend.features import Features
+    from frontend.loop_closures import LoopClosure
+    from frontend.recording import Quantity, Recording, SonarGeometry, Truth
+    from frontend.submaps import Submap
+    from frontend.trajectory import Trajectory
+    from sssslam.api import describe, reconstruct
+    from sssslam.config import Config, load_config
+    from sssslam.pipeline import Slam, slam
+    from sssslam.products.result import Result
+    from sssslam.readers import read
+    from sssslam.simulation import load_scene, simulate
 
 __version__ = "0.1.0"
 
@@ -47,3 +51,29 @@ __all__ = [
     "simulate",
     "slam",
 ]
+
+# where each name lives; loaded at first use, for the optimiser and the compilers take seconds
+_HOMES = {
+    "frontend.features": ("Features",),
+    "frontend.loop_closures": ("LoopClosure",),
+    "frontend.recording": ("Quantity", "Recording", "SonarGeometry", "Truth"),
+    "frontend.submaps": ("Submap",),
+    "frontend.trajectory": ("Trajectory",),
+    "sssslam.api": ("describe", "reconstruct"),
+    "sssslam.config": ("Config", "load_config"),
+    "sssslam.pipeline": ("Slam", "slam"),
+    "sssslam.products.result": ("Result",),
+    "sssslam.readers": ("read",),
+    "sssslam.simulation": ("load_scene", "simulate"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'sssslam' has no attribute {name!r}")
+    return getattr(_import_module(_HOME_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -2,29 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from frontend.bottom import find_bottom
-from frontend.reconstruction import calibrate
 from frontend.recording import Recording, Truth
-from frontend.windows import sliding_windows
-from sssslam.config import Config, default_toml, load_config, resolve
-from sssslam.evaluation.run import evaluate_run
-from sssslam.health import examine
-from sssslam.pipeline import notes, reconstruct_windows, slam
-from sssslam.products.grids import read_terrain
-from sssslam.products.result import Result
-from sssslam.products.run import read_run
-from sssslam.products.tum import read_tum
-from sssslam.products.write import add_metrics
 from sssslam.readers import read
-from sssslam.readers.netcdf import read_netcdf
-from sssslam.readers.netcdf_writing import write_netcdf
-from sssslam.simulation import load_scene, scene_names, simulate, with_seed
 from sssslam.watch import Watch
+
+if TYPE_CHECKING:
+    from sssslam.config import Config
+    from sssslam.products.result import Result
+
+# What takes seconds to load (the optimiser, compiled kernels, figures) is imported by the command that needs it.
 
 Item = TypeVar("Item")
 out_console = Console(soft_wrap=True, highlight=False)
@@ -58,7 +49,7 @@ class Shown(Watch):
                 progress.update(bar, advance=1, rate=f"{speed:.1f}/s" if speed else "")
 
 
-def configuration(path: Path | None, settings: Sequence[str] | None) -> Config:
+def configuration(path: Path | None, settings: Sequence[str] | None) -> "Config":
     """The configuration that the options ask for.
 
     Parameters
@@ -73,10 +64,12 @@ def configuration(path: Path | None, settings: Sequence[str] | None) -> Config:
     config : Config
         Checked.
     """
+    from sssslam.config import load_config
+
     return load_config(path, settings or ())
 
 
-def run(recordings: Sequence[Path], out: Path, channels: str | None, config: Config) -> None:
+def run(recordings: Sequence[Path], out: Path, channels: str | None, config: "Config") -> None:
     """Correct the track of a dive and write every product.
 
     Parameters
@@ -96,7 +89,7 @@ def run(recordings: Sequence[Path], out: Path, channels: str | None, config: Con
     _say_result(result, out)
 
 
-def demo(out: Path, seed: int | None, config: Config) -> None:
+def demo(out: Path, seed: int | None, config: "Config") -> None:
     """Simulate a survey, run on it, compare with the truth.
 
     Parameters
@@ -108,6 +101,8 @@ def demo(out: Path, seed: int | None, config: Config) -> None:
     config : Config
         Settings.
     """
+    from sssslam.simulation import load_scene, simulate, with_seed
+
     _check_folder(out)
     scene = load_scene("demo")
     with progress_console.status("simulating the survey"):
@@ -131,6 +126,9 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
     seed : int or None
         Another seed than the scene's.
     """
+    from sssslam.readers.netcdf import write_netcdf
+    from sssslam.simulation import load_scene, simulate, with_seed
+
     chosen = load_scene(scene)
     with progress_console.status("simulating"):
         recording = simulate(chosen if seed is None else with_seed(chosen, seed))
@@ -140,11 +138,13 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
 
 def list_scenes() -> None:
     """Show the shipped scenes, a line each."""
+    from sssslam.simulation import load_scene, scene_names
+
     for name in scene_names():
         out_console.print(f"{name:16s} {load_scene(name).description}")
 
 
-def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, config: Config) -> None:
+def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, config: "Config") -> None:
     """Reconstruct the seafloor window by window.
 
     Parameters
@@ -158,6 +158,11 @@ def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, con
     config : Config
         Settings.
     """
+    from frontend.bottom import find_bottom
+    from frontend.reconstruction import calibrate
+    from frontend.windows import sliding_windows
+    from sssslam.config import resolve
+    from sssslam.pipeline import notes, reconstruct_windows
     from sssslam.products.shape import write_shape
 
     _check_folder(out)
@@ -185,6 +190,8 @@ def evaluate(out: Path, reference: Path, terrain: Path | None) -> None:
     terrain : Path or None
         True heights; None takes those of the reference, if it has any.
     """
+    from sssslam.products.grids import read_terrain
+
     truth = _read_truth(reference)
     if terrain is not None:
         truth = Truth(truth.trajectory, read_terrain(terrain))
@@ -202,6 +209,8 @@ def info(recordings: Sequence[Path], channels: str | None) -> None:
     channels : str or None
         Which channels of a dual-frequency file.
     """
+    from sssslam.health import examine
+
     recording = read(*recordings, channels=channels)
     health = examine(recording)
     for what, value in health.rows:
@@ -223,6 +232,8 @@ def convert(recordings: Sequence[Path], file: Path, channels: str | None) -> Non
     channels : str or None
         Which channels of a dual-frequency file.
     """
+    from sssslam.readers.netcdf import write_netcdf
+
     recording = read(*recordings, channels=channels)
     write_netcdf(recording, file)
     _say(recording.notes)
@@ -231,10 +242,14 @@ def convert(recordings: Sequence[Path], file: Path, channels: str | None) -> Non
 
 def show_config() -> None:
     """Print the default configuration."""
+    from sssslam.config import default_toml
+
     print(default_toml(), end="")
 
 
-def _slam(recording: Recording, config: Config) -> Result:
+def _slam(recording: Recording, config: "Config") -> "Result":
+    from sssslam.pipeline import slam
+
     result = slam(recording, config, Shown())
     _say(result.notes)
     return result
@@ -242,6 +257,9 @@ def _slam(recording: Recording, config: Config) -> Result:
 
 def _read_truth(reference: Path) -> Truth:
     """A track from a TUM file, or the truth of a container; the content tells which."""
+    from sssslam.products.tum import read_tum
+    from sssslam.readers.netcdf import read_netcdf
+
     with reference.open("rb") as file:
         is_container = file.read(8) == b"\x89HDF\r\n\x1a\n"
     if not is_container:
@@ -254,6 +272,10 @@ def _read_truth(reference: Path) -> Truth:
 
 def _judge(out: Path, truth: Truth) -> None:
     """Measure a run against the truth, add the metrics to it, and print them."""
+    from sssslam.evaluation.run import evaluate_run
+    from sssslam.products.run import read_run
+    from sssslam.products.write import add_metrics
+
     metrics = evaluate_run(read_run(out), truth)
     add_metrics(out, metrics, truth.trajectory)
     width = max(len(metric.name) for metric in metrics)
@@ -266,7 +288,7 @@ def _say(lines: Sequence[str]) -> None:
         out_console.print(f"- {line}", markup=False)
 
 
-def _say_result(result: Result, out: Path) -> None:
+def _say_result(result: "Result", out: Path) -> None:
     accepted = sum(closure.accepted for closure in result.loop_closures)
     moved = result.trajectory.positions - result.recording.trajectory_dr.positions
     out_console.print(

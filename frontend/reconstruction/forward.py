@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from frontend.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from frontend.arrays import BoolArray, Float32Array, FloatArray
 from frontend.radiometry import Tables
 
 N_CHUNKS = 8  # fixed, so that sums do not depend on the number of threads
@@ -102,10 +103,10 @@ class Curvature:
         Used length of each row.
     """
 
-    cell: IntArray
+    cell: NDArray[np.int32]
     by_height: Float32Array
     by_reflectivity: Float32Array
-    n_cells: IntArray
+    n_cells: NDArray[np.int32]
 
 
 def render(z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins) -> FloatArray:
@@ -131,7 +132,7 @@ def render(z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables:
     """
     mu = np.empty(bins.intensity.shape)
     mu[:] = bins.floor
-    _render(z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, mu)
+    _render(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, mu)
     return mu
 
 
@@ -158,10 +159,9 @@ def linearise(
     cell = np.empty(shape, dtype=np.int32)
     by_height, by_reflectivity = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
     n_cells = np.zeros(bins.intensity.shape, dtype=np.int32)
-    _linearise(
-        z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, mu, cell, by_height, by_reflectivity, n_cells
-    )
-    return Curvature(cell, by_height, by_reflectivity, n_cells)
+    rows = (cell, by_height, by_reflectivity, n_cells)
+    _linearise(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, mu, rows)
+    return Curvature(*rows)
 
 
 def pull_back(
@@ -184,7 +184,7 @@ def pull_back(
         Gradient of the cost; exact for the samples seen and the places walked.
     """
     gradients = np.zeros((N_CHUNKS, 2, raster.n_y, raster.n_x))
-    _pull_back(z, rho, _grid(raster), _pack(beams), *_pack_tables(tables), bins.width, weight, gradients)
+    _pull_back(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, weight, gradients)
     total = gradients.sum(axis=0)
     return total[0], total[1]
 
@@ -237,10 +237,10 @@ def _grid(raster: Raster) -> tuple[int, int, float, float, float]:
 
 
 def _pack(beams: Beams) -> FloatArray:
-    """One row of 20 numbers a line: sensor, forward, side, up, then the horizontal walk and tan(pitch)."""
+    """One row of 14 numbers a line: sensor, side, up, heading, horizontal walk, tangent of the pitch (nose down)."""
     horizontal = np.hypot(beams.forward[:, 0], beams.forward[:, 1])
     heading = beams.forward[:, :2] / horizontal[:, None]
-    packed = np.zeros((len(beams.forward), 2, 17))
+    packed = np.zeros((len(beams.forward), 2, 14))
     packed[..., 0:3] = beams.sensor
     packed[..., 3:6] = beams.side
     packed[..., 6:9] = beams.up[:, None]
@@ -323,83 +323,91 @@ def _sample(z, rho, grid, line, at, tables, side):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True, inline="always")
-def _step(grid, width, n_bins):  # type: ignore[no-untyped-def]
-    """Across-track step of the walk and the range at which it ends."""
-    return 0.25 * grid[2], width * n_bins
+def _next_seen(z, grid, line, u, height, horizon, end):  # type: ignore[no-untyped-def]
+    """Walk on to the next sample in sight: cell (row -1 at the end), weights, place, height, elevation."""
+    while True:
+        u += 0.25 * grid[2]
+        row, column, ax, ay, height = _place(z, grid, line, u, height)
+        if row < 0:
+            return row, column, ax, ay, u, height, horizon
+        elevation = (height - line[2]) / u
+        if elevation > horizon:
+            return row, column, ax, ay, u, height, elevation
+        if u >= end:
+            return -1, column, ax, ay, u, height, horizon
+
+
+@numba.njit(cache=True, inline="always")
+def _bin(r, width):  # type: ignore[no-untyped-def]
+    """The nearer of the two bins that share a sample, and the share of the farther."""
+    b = r / width - 0.5
+    i = int(np.floor(b))
+    return i, b - i
 
 
 @numba.njit(cache=True, parallel=True)
-def _render(z, rho, grid, lines, log_beam, log_range, scalars, width, mu):  # type: ignore[no-untyped-def]
-    tables = (log_beam, log_range, scalars)
+def _render(z, rho, grid, lines, tables, width, mu):  # type: ignore[no-untyped-def]
+    area = 0.25 * grid[2] / width
     for ping in numba.prange(lines.shape[0]):
         for side in range(2):
             line, out = lines[ping, side], mu[ping, side]
-            step, end = _step(grid, width, out.size)
-            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
             while True:
-                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                row, column, ax, ay, u, height, horizon = _next_seen(
+                    z, grid, line, u, height, horizon, width * out.size
+                )
                 if row < 0:
                     break
-                elevation = (height - line[2]) / u
-                if elevation > horizon:
-                    horizon = elevation
-                    energy, r, _, _, _, _ = _sample(z, rho, grid, line, (row, column, ax, ay, u, height), tables, side)
-                    if r >= end:
-                        break
-                    b = r / width - 0.5
-                    i = int(np.floor(b))
-                    f = b - i
-                    if i >= 0:
-                        out[i] += (1 - f) * energy * step / width
-                    if i + 1 < out.size:
-                        out[i + 1] += f * energy * step / width
-                elif u >= end:
+                at = (row, column, ax, ay, u, height)
+                energy, r, _, _, _, _ = _sample(z, rho, grid, line, at, tables, side)
+                if r >= width * out.size:
                     break
-                u += step
+                i, f = _bin(r, width)
+                if i >= 0:
+                    out[i] += (1 - f) * energy * area
+                if i + 1 < out.size:
+                    out[i + 1] += f * energy * area
 
 
 @numba.njit(cache=True, parallel=True)
-def _pull_back(z, rho, grid, lines, log_beam, log_range, scalars, width, weight, gradients):  # type: ignore[no-untyped-def]
-    tables = (log_beam, log_range, scalars)
-    n, spacing = lines.shape[0], grid[2]
+def _pull_back(z, rho, grid, lines, tables, width, weight, gradients):  # type: ignore[no-untyped-def]
+    n, area = lines.shape[0], 0.25 * grid[2] / width
     for chunk in numba.prange(N_CHUNKS):
-        by_height, by_rho = gradients[chunk, 0], gradients[chunk, 1]
         for ping in range(chunk * n // N_CHUNKS, (chunk + 1) * n // N_CHUNKS):
             for side in range(2):
                 line, w = lines[ping, side], weight[ping, side]
-                step, end = _step(grid, width, w.size)
-                u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+                u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
                 while True:
-                    row, column, ax, ay, height = _place(z, grid, line, u, height)
+                    row, column, ax, ay, u, height, horizon = _next_seen(
+                        z, grid, line, u, height, horizon, width * w.size
+                    )
                     if row < 0:
                         break
-                    elevation = (height - line[2]) / u
-                    if elevation > horizon:
-                        horizon = elevation
-                        energy, r, r_z, by_z, by_p, by_q = _sample(
-                            z, rho, grid, line, (row, column, ax, ay, u, height), tables, side
-                        )
-                        if r >= end:
-                            break
-                        b = r / width - 0.5
-                        i = int(np.floor(b))
-                        f = b - i
-                        near = w[i] if i >= 0 else 0.0
-                        far = w[i + 1] if i + 1 < w.size else 0.0
-                        g = step / width * energy * ((1 - f) * near + f * far)
-                        gz = g * by_z + step / width * energy * (far - near) * r_z / width
-                        gp, gq = g * by_p / spacing, g * by_q / spacing
-                        by_height[row, column] += gz * (1 - ax) * (1 - ay) - gp * (1 - ay) - gq * (1 - ax)
-                        by_height[row, column + 1] += gz * ax * (1 - ay) + gp * (1 - ay) - gq * ax
-                        by_height[row + 1, column] += gz * (1 - ax) * ay - gp * ay + gq * (1 - ax)
-                        by_height[row + 1, column + 1] += gz * ax * ay + gp * ay + gq * ax
-                        by_rho[row, column] += g * (1 - ax) * (1 - ay)
-                        by_rho[row, column + 1] += g * ax * (1 - ay)
-                        by_rho[row + 1, column] += g * (1 - ax) * ay
-                        by_rho[row + 1, column + 1] += g * ax * ay
-                    elif u >= end:
+                    at = (row, column, ax, ay, u, height)
+                    energy, r, r_z, by_z, by_p, by_q = _sample(z, rho, grid, line, at, tables, side)
+                    if r >= width * w.size:
                         break
-                    u += step
+                    i, f = _bin(r, width)
+                    near = w[i] if i >= 0 else 0.0
+                    far = w[i + 1] if i + 1 < w.size else 0.0
+                    g = area * energy * ((1 - f) * near + f * far)
+                    gz = g * by_z + area * energy * (far - near) * r_z / width
+                    _spread(gradients[chunk], at, g, gz, g * by_p / grid[2], g * by_q / grid[2])
+
+
+@numba.njit(cache=True, inline="always")
+def _spread(gradient, at, g, gz, gp, gq):  # type: ignore[no-untyped-def]
+    """Share the gradient by reflectivity, height and the two slopes of a place among its four cells."""
+    by_height, by_rho = gradient[0], gradient[1]
+    row, column, ax, ay, _, _ = at
+    by_height[row, column] += gz * (1 - ax) * (1 - ay) - gp * (1 - ay) - gq * (1 - ax)
+    by_height[row, column + 1] += gz * ax * (1 - ay) + gp * (1 - ay) - gq * ax
+    by_height[row + 1, column] += gz * (1 - ax) * ay - gp * ay + gq * (1 - ax)
+    by_height[row + 1, column + 1] += gz * ax * ay + gp * ay + gq * ax
+    by_rho[row, column] += g * (1 - ax) * (1 - ay)
+    by_rho[row, column + 1] += g * ax * (1 - ay)
+    by_rho[row + 1, column] += g * (1 - ax) * ay
+    by_rho[row + 1, column + 1] += g * ax * ay
 
 
 @numba.njit(cache=True, inline="always")
@@ -417,54 +425,50 @@ def _add(cells, heights, reflectivities, count, cell, by_height, by_rho):  # typ
 
 
 @numba.njit(cache=True, parallel=True)
-def _linearise(z, rho, grid, lines, log_beam, log_range, scalars, width, mu, cell, by_height, by_rho, n_cells):  # type: ignore[no-untyped-def]
-    tables = (log_beam, log_range, scalars)
-    n_x, spacing = grid[1], grid[2]
+def _linearise(z, rho, grid, lines, tables, width, mu, rows):  # type: ignore[no-untyped-def]
+    cell, by_height, by_rho, n_cells = rows
+    spacing, area = grid[2], 0.25 * grid[2] / width
     for ping in numba.prange(lines.shape[0]):
         weights, slopes = np.empty(4), np.empty(4)
         for side in range(2):
             line, m = lines[ping, side], mu[ping, side]
-            step, end = _step(grid, width, m.size)
-            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
             while True:
-                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                row, column, ax, ay, u, height, horizon = _next_seen(z, grid, line, u, height, horizon, width * m.size)
                 if row < 0:
                     break
-                elevation = (height - line[2]) / u
-                if elevation > horizon:
-                    horizon = elevation
-                    energy, r, r_z, by_z, by_p, by_q = _sample(
-                        z, rho, grid, line, (row, column, ax, ay, u, height), tables, side
-                    )
-                    if r >= end:
-                        break
-                    b = r / width - 0.5
-                    i = int(np.floor(b))
-                    f = b - i
-                    gp, gq = by_p / spacing, by_q / spacing
-                    weights[0], weights[1] = (1 - ax) * (1 - ay), ax * (1 - ay)
-                    weights[2], weights[3] = (1 - ax) * ay, ax * ay
-                    slopes[0], slopes[1] = -gp * (1 - ay) - gq * (1 - ax), gp * (1 - ay) - gq * ax
-                    slopes[2], slopes[3] = -gp * ay + gq * (1 - ax), gp * ay + gq * ax
-                    for k in range(2):
-                        if i + k < 0 or i + k >= m.size:
-                            continue
-                        e = step / width * energy / m[i + k]
-                        share = e * (f if k == 1 else 1 - f)
-                        shift = e * r_z / width * (1.0 if k == 1 else -1.0)
-                        for c in range(4):
-                            n_cells[ping, side, i + k] = _add(
-                                cell[ping, side, i + k],
-                                by_height[ping, side, i + k],
-                                by_rho[ping, side, i + k],
-                                n_cells[ping, side, i + k],
-                                (row + c // 2) * n_x + column + c % 2,
-                                share * (by_z * weights[c] + slopes[c]) + shift * weights[c],
-                                share * weights[c],
-                            )
-                elif u >= end:
+                at = (row, column, ax, ay, u, height)
+                energy, r, r_z, by_z, by_p, by_q = _sample(z, rho, grid, line, at, tables, side)
+                if r >= width * m.size:
                     break
-                u += step
+                i, f = _bin(r, width)
+                _corners(at, by_p / spacing, by_q / spacing, weights, slopes)
+                for k in range(2):
+                    if i + k < 0 or i + k >= m.size:
+                        continue
+                    e = area * energy / m[i + k]
+                    share = e * (f if k == 1 else 1 - f)
+                    shift = e * r_z / width * (1.0 if k == 1 else -1.0)
+                    for c in range(4):
+                        n_cells[ping, side, i + k] = _add(
+                            cell[ping, side, i + k],
+                            by_height[ping, side, i + k],
+                            by_rho[ping, side, i + k],
+                            n_cells[ping, side, i + k],
+                            (at[0] + c // 2) * grid[1] + at[1] + c % 2,
+                            share * (by_z * weights[c] + slopes[c]) + shift * weights[c],
+                            share * weights[c],
+                        )
+
+
+@numba.njit(cache=True, inline="always")
+def _corners(at, gp, gq, weights, slopes):  # type: ignore[no-untyped-def]
+    """Bilinear weights of the four cells around a place, and what the slopes there owe to each."""
+    _, _, ax, ay, _, _ = at
+    weights[0], weights[1] = (1 - ax) * (1 - ay), ax * (1 - ay)
+    weights[2], weights[3] = (1 - ax) * ay, ax * ay
+    slopes[0], slopes[1] = -gp * (1 - ay) - gq * (1 - ax), gp * (1 - ay) - gq * ax
+    slopes[2], slopes[3] = -gp * ay + gq * (1 - ax), gp * ay + gq * ax
 
 
 @numba.njit(cache=True)
@@ -494,21 +498,21 @@ def _angles(z, grid, lines, width, angle):  # type: ignore[no-untyped-def]
             line, out = lines[ping, side], angle[ping, side]
             count = np.zeros(out.size)
             out[:] = 0.0
-            step, end = _step(grid, width, out.size)
-            u, height, horizon = 0.5 * step, z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
             while True:
-                row, column, ax, ay, height = _place(z, grid, line, u, height)
+                row, column, ax, ay, u, height, horizon = _next_seen(
+                    z, grid, line, u, height, horizon, width * out.size
+                )
+                if row < 0:
+                    break
                 v = line[13] * (height - line[2])
                 dx, dy, dz = -(line[11] * u + line[9] * v), -(line[12] * u + line[10] * v), line[2] - height
                 r = np.sqrt(dx * dx + dy * dy + dz * dz)
-                if row < 0 or r >= end:
+                if r >= width * out.size:
                     break
-                if (height - line[2]) / u > horizon:
-                    horizon = (height - line[2]) / u
-                    along = -(dx * line[3] + dy * line[4] + dz * line[5])
-                    down = dx * line[6] + dy * line[7] + dz * line[8]
-                    out[int(r / width)] += np.arctan2(along, down)
-                    count[int(r / width)] += 1
-                u += step
+                along = -(dx * line[3] + dy * line[4] + dz * line[5])
+                down = dx * line[6] + dy * line[7] + dz * line[8]
+                out[int(r / width)] += np.arctan2(along, down)
+                count[int(r / width)] += 1
             for b in range(out.size):
                 out[b] = out[b] / count[b] if count[b] > 0 else np.nan

@@ -23,7 +23,7 @@ SCENE = Scene.model_validate(
             "depth": 60.0,
             "layers": [
                 {"kind": "fractal", "rms": 0.8, "longest": 120.0},
-                {"kind": "reflectivity", "rms": 0.2},
+                {"kind": "sediment", "rms": 0.2},
                 {"kind": "objects", "count": 260},
             ],
         },
