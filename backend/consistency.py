@@ -64,7 +64,7 @@ class ConsistencyConfig(BaseModel):
         default=3, ge=1, description="Sets made at each scale of the odometry; the largest need not be the true one."
     )
     max_closures: int = Field(
-        default=300,
+        default=200,
         ge=2,
         description="Closures compared with one another; more are thinned, and the rest judged by those.",
     )

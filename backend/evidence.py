@@ -29,7 +29,8 @@ def log_evidence(members: Innovations, scale: float) -> float:
     Returns
     -------
     log_evidence : float
-        Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side.
+        Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side. The gate stays
+        that of the model, so that evidence compares scales.
     """
     factor, residuals = cho_factor(members.joint_covariance(scale), lower=True), members.residuals.ravel()
     log_true = -0.5 * residuals @ cho_solve(factor, residuals) - np.log(np.diag(factor[0])).sum()
@@ -124,10 +125,8 @@ def _without(information: FloatArray, closures: IntArray) -> FloatArray:
     )
 
 
-GAMMA = 0.0
-
-
 def _log_false(closures: Innovations, scale: float) -> FloatArray:
-    """Log density of false closures [1/(rad m**2)]: even over the gate of dead reckoning."""
-    own = scale ** (2 * GAMMA) * (closures.drift[closures.last] - closures.drift[closures.first]) + closures.noise
-    return np.asarray(-np.log(4.0 / 3.0 * np.pi) - 0.5 * _DIMENSIONS * np.log(_GATE) - 0.5 * np.linalg.slogdet(own)[1])
+    """Log density of false closures [1/(rad m**2)]: even over the gate of dead reckoning at that scale."""
+    drift = closures.drift[closures.last] - closures.drift[closures.first]
+    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(_GATE)
+    return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])

@@ -43,7 +43,7 @@ class FeatureConfig(BaseModel):
     max_relative_sigma: float = Field(
         default=2.0,
         gt=0,
-        description="Points whose height sigma exceeds this many times the root-mean-square relief are left out.",
+        description="Points whose height sigma exceeds this many times the submap's median are left out.",
     )
     min_points: int = Field(
         default=50,
@@ -147,11 +147,11 @@ def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArra
 
 
 def _usable(relief: Relief, config: FeatureConfig) -> BoolArray:
-    """Trusted cells whose height is known well enough against the relief."""
+    """Trusted cells whose height is known about as well as that of the others."""
     if not relief.is_trusted.any():
         return relief.is_trusted
-    rms = float(np.sqrt(np.mean(relief.z[relief.is_trusted] ** 2)))
-    return np.asarray(relief.is_trusted & (relief.sigma <= config.max_relative_sigma * rms))
+    median = float(np.median(relief.sigma[relief.is_trusted]))
+    return np.asarray(relief.is_trusted & (relief.sigma <= config.max_relative_sigma * median))
 
 
 def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:

@@ -189,7 +189,7 @@ def _smooth(values: FloatArray, known: BoolArray, weight: FloatArray, smoothness
 
 
 def _slant_range(recording: Recording) -> FloatArray:
-    return (np.arange(recording.n_samples) + 0.5) * float(np.median(recording.sample_spacing))
+    return np.asarray((np.arange(recording.n_samples) + 0.5) * np.median(recording.sample_spacing), dtype=np.float64)
 
 
 def _noise_floor(echoes: FloatArray, recording: Recording, bottom: Bottom) -> FloatArray:

@@ -66,7 +66,7 @@ def main(folder: Path, names: list[str]) -> None:
         for axis, draw in zip(axes, (draw_floor, draw_waterfall, draw_mean), strict=True):
             draw(axis, recording)
         figure.suptitle(f"{name}: {scene.description}")
-        figure.savefig(folder / f"{name}.png", dpi=80)
+        figure.savefig(folder / f"{name}.jpg", dpi=60, pil_kwargs={"quality": 80})
         plt.close(figure)
         print(f"{name}: {recording.n_pings} pings, {dive:.0f} s of dive in {seconds:.1f} s")
 

@@ -26,14 +26,10 @@ def main() -> None:
     for start in range(0, dive.time.size, CHUNK):
         _sound(dive, slice(start, start + CHUNK))
     wall, cpu, dive_time = time.perf_counter() - wall, time.process_time() - cpu, float(np.ptp(dive.time))
-    sonar = dive.scene.sonar
-    print(
-        f"{dive.time.size} pings, 2 x {sonar.n_samples} samples, {sonar.n_sub_beams} sub-beams, {dive_time:.0f} s of dive"
-    )
+    sonar, n_pings = dive.scene.sonar, dive.time.size
+    print(f"{n_pings} pings, 2 x {sonar.n_samples} samples, {sonar.n_sub_beams} rays a side, {dive_time:.0f} s of dive")
     print(f"echoes: {wall:.2f} s wall, {dive_time / wall:.0f} x real time; {cpu:.2f} s of processor")
-    print(
-        f"that is {1e3 * cpu / dive.time.size:.2f} ms of processor a ping; {2 * dive_time / cpu:.0f} x on two idle cores"
-    )
+    print(f"{1e3 * cpu / n_pings:.2f} ms of processor a ping: {2 * dive_time / cpu:.0f} x on two idle cores")
 
 
 if __name__ == "__main__":

@@ -8,13 +8,13 @@ from scipy.sparse import csr_array
 from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
 from frontend.heightfield import Heightfield
-from frontend.radiometry import Radiometry, Tables
-from frontend.recording import Recording
+from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Raster, coverage
 from frontend.reconstruction.posterior import Altimeter, Posterior
 from frontend.reconstruction.priors import PriorConfig, from_cosine, make_prior
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
 from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
+from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.windows import Window
 
@@ -24,16 +24,41 @@ class JointConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    spacing: float | None = Field(default=None, gt=0, description="Cells of the finest grid [m]; auto: slant range / 55.")
-    n_levels: int = Field(default=3, ge=1, le=6, description="Resolutions, each twice as fine as the one before.")
-    bins_per_cell: float = Field(default=2.0, gt=0, description="Slant-range bins a cell; a coarse grid with fine bins aliases.")
-    looks_most: float = Field(default=6.0, gt=0, description="Looks that a bin may count; relief below a cell makes the rest.")
-    blur: float = Field(default=0.02, ge=0, description="Share of the mean echo added to echo and model; softens dark bins.")
-    tail: float = Field(default=20.0, gt=0, description="Deviance at which a bin counts half; echoes of fish and wreckage.")
-    altimeter_sigma: float = Field(default=0.3, gt=0, description="Altimeter against the surface of a cell [m].")
-    altimeter_length: float = Field(default=4.0, gt=0, description="Track over which altimeter errors repeat [m].")
-    n_draws: int = Field(default=6, ge=2, description="Draws from the posterior behind sigma.")
-    sigma_factor: float = Field(default=2.0, gt=0, description="Sigma against that of the posterior; calibrated on simulation.")
+    spacing: float | None = Field(
+        default=None,
+        gt=0,
+        description="Cells of the finest grid [m]; unset: slant range / 55, as fine as speckle lets it be.",
+    )
+    n_levels: int = Field(
+        default=3,
+        ge=1,
+        le=6,
+        description="Resolutions [1], each twice as fine as the one before; the coarse find the long waves.",
+    )
+    bins_per_cell: float = Field(
+        default=2.0, gt=0, description="Slant-range bins a cell [1]; a coarse grid with fine bins aliases."
+    )
+    looks_most: float = Field(
+        default=6.0, gt=0, description="Looks [1] that a bin may count; relief below a cell makes the rest."
+    )
+    blur: float = Field(
+        default=0.02, ge=0, description="Share [1] of the mean echo added to echo and model; softens dark bins."
+    )
+    tail: float = Field(
+        default=20.0, gt=0, description="Deviance [1] at which a bin counts half; tames echoes of fish and wreckage."
+    )
+    altimeter_sigma: float = Field(
+        default=0.3, gt=0, description="Altimeter against the surface of a cell [m]; a cell is not its middle."
+    )
+    altimeter_length: float = Field(
+        default=4.0, gt=0, description="Track over which altimeter errors repeat [m]: its footprint, and more."
+    )
+    n_draws: int = Field(
+        default=6, ge=2, description="Draws [1] from the posterior behind sigma; smoothed over cells, a few are enough."
+    )
+    sigma_factor: float = Field(
+        default=2.0, gt=0, description="Sigma against that of the posterior [1]; calibrated on simulation."
+    )
     prior: PriorConfig = PriorConfig()
     solver: SolverConfig = SolverConfig()
 

@@ -22,9 +22,17 @@ class PriorConfig(BaseModel):
     roughness: float = Field(
         default=0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."
     )
-    longest: float = Field(default=40.0, gt=0, description="Wavelength beyond which relief grows no more [m]; a window sees little of longer ones.")
-    reflectivity: float = Field(default=0.1, gt=0, description="Standard deviation of log-reflectivity [1].")
-    reflectivity_length: float = Field(default=8.0, gt=0, description="Correlation length of reflectivity [m].")
+    longest: float = Field(
+        default=40.0,
+        gt=0,
+        description="Wavelength beyond which relief grows no more [m]; a window sees little of longer.",
+    )
+    reflectivity: float = Field(
+        default=0.1, gt=0, description="Standard deviation of log-reflectivity [1]; sediments differ less."
+    )
+    reflectivity_length: float = Field(
+        default=8.0, gt=0, description="Correlation length of reflectivity [m]; sediments change slowly."
+    )
 
 
 @dataclass(frozen=True)
@@ -127,8 +135,8 @@ def make_prior(raster: Raster, config: PriorConfig) -> Prior:
 
     Notes
     -----
-    Relief has the spectrum ``C / (k^2 + k_0^2)^2``: a power law down to the longest wavelength. Reflectivity has a Matern spectrum,
-    ``s^2 4 pi l^2 / (1 + k^2 l^2)^2``.
+    Relief has the spectrum ``C / (k^2 + k_0^2)^2``: a power law down to the longest wavelength. Reflectivity has a
+    Matern spectrum, ``s^2 4 pi l^2 / (1 + k^2 l^2)^2``.
     """
     k2_y, k2_x = wavenumbers(raster)
     k2, area = k2_y + k2_x, raster.spacing**2

@@ -15,11 +15,24 @@ class SolverConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    n_steps: int = Field(default=3, ge=1, description="Gauss-Newton steps at each resolution, at most; more fit speckle.")
-    n_products: int = Field(default=10, ge=1, description="Conjugate-gradient products a step, at most.")
-    tolerance: float = Field(default=0.05, gt=0, lt=1, description="Residual of a linear solve, as a share of its start.")
-    improvement: float = Field(default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share.")
-    step_height: float = Field(default=0.75, gt=0, description="Largest change of a height in one step, in cells.")
+    n_steps: int = Field(
+        default=3, ge=1, description="Gauss-Newton steps [1] at each resolution, at most; more fit speckle."
+    )
+    n_products: int = Field(
+        default=10, ge=1, description="Conjugate-gradient products a step [1], at most; the next step mends the rest."
+    )
+    tolerance: float = Field(
+        default=0.05,
+        gt=0,
+        lt=1,
+        description="Residual of a linear solve, as a share of its start [1]; the cost is not quadratic.",
+    )
+    improvement: float = Field(
+        default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share [1]: noise."
+    )
+    step_height: float = Field(
+        default=0.75, gt=0, description="Largest change of a height in one step [cells]; visibility changes."
+    )
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from frontend.bottom import Bottom
 from frontend.frames import invert, level, transform
 from frontend.geometry import transducer_positions
 from frontend.radiometry import Radiometry, to_intensity
-from frontend.recording import Recording
 from frontend.reconstruction.forward import Beams, Bins, Raster
+from frontend.recording import Recording
 from frontend.windows import Window
 
 

@@ -86,7 +86,7 @@ def beam_planes(trajectory: Trajectory, rates: Rates, mounting: Mounting) -> Any
         "turn_down": _dot(turn, down),
         "roll_rate": -side * _dot(rates.angular_rate, forward),
     }
-    planes = np.empty(len(forward), dtype=PLANE)
+    planes = np.recarray(len(forward), dtype=PLANE)
     for name in _FIELDS:
         planes[name] = columns[name]
     return planes

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures
+from backend.innovations import Innovations
 
 
 def test_all_true_closures_agree(make_survey):
@@ -60,6 +61,15 @@ def test_a_single_closure_is_believed_only_if_asked_for_and_near_dead_reckoning(
     assert not consistent_closures(survey.compared(alone)).is_member.any()
     assert consistent_closures(survey.compared(alone), one_is_enough).is_member.all()
     assert not consistent_closures(survey.compared(far), one_is_enough).is_member.any()
+
+
+def test_places_that_agree_on_more_drift_than_any_scale_allows_are_not_believed():
+    # 1 m**2 a step, 36 steps a loop and 32 of them shared: an offset of 18 m is three standard deviations, of 150 m 25
+    for offset, is_believed in ((18.0, True), (150.0, False)):
+        shift, ends = np.array([[offset, 0.0], [offset + 0.5, 0.0]]), np.array([[0, 4], [36, 40]])
+        drift = np.arange(41)[:, None, None] * np.diag([1e-6, 1.0, 1.0])
+        compared = Innovations(np.zeros(2), shift, np.tile(np.diag([1e-6, 0.01, 0.01]), (2, 1, 1)), *ends, drift)
+        assert consistent_closures(compared).is_member.all() == is_believed
 
 
 def test_no_closures_make_an_empty_set(make_survey):

@@ -7,7 +7,8 @@ from frontend.arrays import FloatArray
 from frontend.frames import rotation_world_body
 from frontend.heightfield import Heightfield
 from sssslam.simulation.survey import Legs
-from sssslam.simulation.vehicle import Motion, VehicleConfig, WavesConfig, crab_angle, make_motion, make_waves
+from sssslam.simulation.vehicle import Motion, VehicleConfig, crab_angle, make_motion
+from sssslam.simulation.waves import WavesConfig, make_waves
 
 CALM = {"roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0, "heave": 0.0}
 STRAIGHT = np.stack([np.linspace(-80.0, 80.0, 641), np.zeros(641)], axis=-1)

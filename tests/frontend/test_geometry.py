@@ -1,0 +1,97 @@
+"""Slant range to seafloor, by triangles and against rays walked by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frontend.frames import pose, rotation_world_body
+from frontend.geometry import PORT, STARBOARD, off_nadir_angle, slant_to_ground_range, transducer_positions
+from frontend.recording import SonarGeometry
+
+altitudes, small_angles = st.floats(1.0, 100.0), st.floats(-0.3, 0.3)
+off_vertical = st.floats(0.0, 1.2)
+
+
+def test_a_three_four_five_triangle() -> None:
+    np.testing.assert_allclose(slant_to_ground_range([5.0, 13.0], [3.0, 5.0]), [[4, np.sqrt(160)], [0, 12]])
+
+
+def test_the_water_column_has_no_ground_range() -> None:
+    assert np.isnan(slant_to_ground_range([2.0], [3.0])).all()
+
+
+@given(altitudes, st.floats(0.0, 200.0))
+def test_the_ground_range_behind_a_slant_range_comes_back(altitude: float, ground_range: float) -> None:
+    slant_range = np.hypot(ground_range, altitude) * (1 + 1e-15)
+    # near nadir the square root doubles the relative rounding and loses half the digits
+    assert slant_to_ground_range([slant_range], [altitude])[0, 0] == pytest.approx(ground_range, abs=1e-4)
+
+
+def test_pitch_lengthens_the_way_to_the_floor() -> None:
+    # at 60 degrees of pitch a beam plane 3 m up meets the floor 6 m away; 10 m of slant range are 8 m across
+    assert slant_to_ground_range([10.0], [3.0], [np.radians(60)])[0, 0] == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize("altitude", [0.0, -1.0, np.nan])
+def test_an_altitude_that_is_not_positive_is_refused(altitude: float) -> None:
+    with pytest.raises(ValueError, match="altitude must be positive, got"):
+        slant_to_ground_range([5.0], [altitude])
+
+
+def test_transducers_sit_at_the_end_of_their_arms() -> None:
+    sonar = SonarGeometry(lever_arm_port=(1.0, 0.2, -0.1), lever_arm_starboard=(1.0, -0.2, -0.1))
+    # a vehicle at (10, 20) that heads north: ahead is y, port is -x
+    position = transducer_positions(pose([[10.0, 20.0, -5.0]], rotation_world_body(0, 0, [np.pi / 2])), sonar)
+    assert position.shape == (1, 2, 3)
+    np.testing.assert_allclose(position[0, PORT], [9.8, 21.0, -5.1])
+    np.testing.assert_allclose(position[0, STARBOARD], [10.2, 21.0, -5.1])
+
+
+def test_a_starboard_roll_lowers_the_starboard_transducer() -> None:
+    sonar = SonarGeometry(lever_arm_port=(0.0, 0.2, 0.0), lever_arm_starboard=(0.0, -0.2, 0.0))
+    position = transducer_positions(pose([[0.0, 0.0, 0.0]], rotation_world_body([0.1], 0, 0)), sonar)
+    assert position[0, STARBOARD, 2] == pytest.approx(-0.2 * np.sin(0.1))
+    assert position[0, PORT, 2] == pytest.approx(0.2 * np.sin(0.1))
+
+
+def _ray(roll: float, pitch: float, angle: float, side: int) -> np.ndarray:
+    """World direction of a ray at some angle off the body's nadir, outwards to a side."""
+    outwards = 1.0 if side == PORT else -1.0
+    body = np.array([0.0, outwards * np.sin(angle), -np.cos(angle)])
+    return np.asarray(rotation_world_body(roll, pitch, 0.0) @ body)
+
+
+@given(altitudes, small_angles, small_angles, off_vertical, st.sampled_from([PORT, STARBOARD]))
+def test_a_ray_walked_to_the_floor_has_the_angle_of_its_range(
+    altitude: float, roll: float, pitch: float, vertical: float, side: int
+) -> None:
+    # outwards of the lowest point of the beam plane, which the roll shifts off the body's nadir
+    angle = vertical - roll if side == PORT else vertical + roll
+    direction = _ray(roll, pitch, angle, side)
+    slant_range = -altitude / direction[2]
+    found = off_nadir_angle([slant_range * (1 + 1e-15)], [altitude], ([roll], [pitch]))[0, side, 0]
+    # arccos near 1: half the digits
+    assert found == pytest.approx(angle, abs=2e-7)
+
+
+@given(altitudes, small_angles, small_angles, st.floats(-1.0, 1.0))
+def test_slant_range_is_altitude_over_the_cosines_of_pitch_and_angle_less_roll(
+    altitude: float, roll: float, pitch: float, t: float
+) -> None:
+    # r = h / (cos(pitch) cos(t - roll)), t off the body's nadir, positive to starboard
+    slant_range = altitude / (np.cos(pitch) * np.cos(t - roll))
+    assert slant_range == pytest.approx(-altitude / _ray(roll, pitch, t, STARBOARD)[2])
+    across = slant_to_ground_range([slant_range * (1 + 1e-15)], [altitude], [pitch])[0, 0]
+    y = slant_range * _ray(roll, pitch, t, STARBOARD)[1]
+    assert across == pytest.approx(abs(y), abs=1e-5 * altitude)
+
+
+def test_the_water_column_has_no_angle() -> None:
+    assert np.isnan(off_nadir_angle([2.0], [3.0], ([0.0], [0.0]))).all()
+
+
+def test_level_sides_see_the_same_angle() -> None:
+    angle = off_nadir_angle([6.0], [3.0], ([0.0], [0.0]))
+    np.testing.assert_allclose(angle, np.pi / 3)
+    assert angle.shape == (1, 2, 1)
