@@ -72,7 +72,7 @@ def spread_sigmas(dead_reckoning: DeadReckoning, anchor_pings: ArrayLike, anchor
     Returns
     -------
     sigmas : ndarray, shape (N, 4)
-        Of x, y, z [m] and yaw [rad] at every ping: the anchors' own at the anchors.
+        Of x, y, z [m] and yaw [rad] at every ping.
 
     Raises
     ------
@@ -85,6 +85,9 @@ def spread_sigmas(dead_reckoning: DeadReckoning, anchor_pings: ArrayLike, anchor
     Between two anchors variances go over linearly, which is right for pure dead reckoning; where the anchors know more
     than dead reckoning from one to the other, the dead-reckoned bridge between them is added. Nowhere is it more than
     what dead reckoning from either of the two anchors gives.
+
+    The pose graph takes velocity errors for independent from anchor to anchor. What is constant of them stretches and
+    turns the whole track about the first anchor and no closure sees it: it is added everywhere.
     """
     sigmas = np.asarray(anchor_sigmas, dtype=np.float64)
     pings = _check_pings(anchor_pings, dead_reckoning.n_pings, len(sigmas))
@@ -94,7 +97,8 @@ def spread_sigmas(dead_reckoning: DeadReckoning, anchor_pings: ArrayLike, anchor
     backward = _predicted(dead_reckoning, pings[right], variance[right])
     between = _bridged(dead_reckoning, (pings[left], pings[right]), (variance[left], variance[right]))
     inside = np.minimum(between, np.minimum(forward, backward))
-    return np.sqrt(np.where((left == right)[:, None], forward, inside))
+    unseen = dead_reckoning.unseen_variances(int(pings[0]))
+    return np.sqrt(np.where((left == right)[:, None], forward, inside) + unseen)
 
 
 def _predicted(dead_reckoning: DeadReckoning, anchor: IntArray, variance: FloatArray) -> FloatArray:

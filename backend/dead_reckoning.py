@@ -175,6 +175,26 @@ class DeadReckoning:
         yaw, x, y = np.moveaxis(np.diagonal(self._planar_covariance(i, j), axis1=1, axis2=2), 1, 0)
         return np.stack([x, y, np.zeros_like(x), yaw], axis=1)
 
+    def unseen_variances(self, origin: int) -> FloatArray:
+        """How far the whole track may be stretched and turned about one ping, which no closure can see.
+
+        Scale and misalignment of the velocity are constant: places met again are met again in the wrong place.
+
+        Parameters
+        ----------
+        origin : int
+            The ping whose position is known.
+
+        Returns
+        -------
+        variances : ndarray, shape (N, 4)
+            Of x, y, z [m**2] and yaw [rad**2] of every ping.
+        """
+        ping = int(self._pings(origin)[0])
+        along = (self._T[:, :2, 3] - self._T[ping, :2, 3]) ** 2
+        variance = self.config.velocity_scale_sd**2 * along + self.config.velocity_misalignment_sd**2 * along[:, ::-1]
+        return np.pad(variance, ((0, 0), (0, 2)))
+
     @cached_property
     def covariances(self) -> FloatArray:
         """Shape (N, 4, 4): covariance of x, y, z and yaw in the world when the position of the first ping is known."""

@@ -52,4 +52,6 @@ class Heightfield:
         """
         column = (np.asarray(x, dtype=np.float64) - self.origin[0]) / self.spacing
         row = (np.asarray(y, dtype=np.float64) - self.origin[1]) / self.spacing
-        return np.asarray(map_coordinates(self.z, [row, column], order=1, mode="constant", cval=np.nan))
+        place = np.stack(np.broadcast_arrays(row, column))
+        z = map_coordinates(self.z, place.reshape(2, -1), order=1, mode="constant", cval=np.nan)
+        return np.asarray(z.reshape(place.shape[1:]))

@@ -21,8 +21,8 @@ class Overlap:
         Product of both weights [1].
     z_source, z_target : ndarray, shape (K,)
         Relief [m].
-    slope_x, slope_y : ndarray, shape (K,)
-        Gradient of the target's relief in the target frame [1].
+    slope_source, slope_target : ndarray, shape (K, 2)
+        Gradient of each relief along x and y of its own frame [1].
     height_source, height_target : ndarray, shape (K,)
         Heights, each in its own frame [m].
     sigma : ndarray, shape (K,)
@@ -40,8 +40,8 @@ class Overlap:
     weight: FloatArray
     z_source: FloatArray
     z_target: FloatArray
-    slope_x: FloatArray
-    slope_y: FloatArray
+    slope_source: FloatArray
+    slope_target: FloatArray
     height_source: FloatArray
     height_target: FloatArray
     sigma: FloatArray
@@ -122,12 +122,22 @@ def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float])
     a, b = sampled[both], source.cells[both]
     area = len(b) * source.relief.spacing**2
     smaller = min(target.relief.area, source.relief.area)
-    sigma = np.hypot(a[:, 5], b[:, 7])
-    share = min(area / smaller, 1.0) if smaller > 0 else 0.0
     return Overlap(
-        b[:, 0], b[:, 1], a[:, 0] * b[:, 2], b[:, 3], a[:, 1], a[:, 2], a[:, 3], b[:, 6], a[:, 4], sigma,
-        b[:, 8], a[:, 6], share, area,
-    )  # fmt: skip
+        x=b[:, 0],
+        y=b[:, 1],
+        weight=a[:, 0] * b[:, 2],
+        z_source=b[:, 3],
+        z_target=a[:, 1],
+        slope_source=b[:, 4:6],
+        slope_target=a[:, 2:4],
+        height_source=b[:, 6],
+        height_target=a[:, 4],
+        sigma=np.hypot(a[:, 5], b[:, 7]),
+        reflectivity_source=b[:, 8],
+        reflectivity_target=a[:, 6],
+        share=min(area / smaller, 1.0) if smaller > 0 else 0.0,
+        area=area,
+    )
 
 
 def sample_rasters(

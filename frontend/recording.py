@@ -156,13 +156,14 @@ _ROWS = ("port", "starboard", "sample_spacing", "sound_speed", "trajectory_dr", 
 
 
 def _check_shapes(recording: Recording) -> None:
-    n, shape = len(recording.port), recording.port.shape
-    if recording.port.ndim != 2 or recording.starboard.shape != shape:
+    shape = recording.port.shape
+    if len(shape) != 2 or recording.starboard.shape != shape:
         raise ValueError(
             f"port and starboard must both be (pings, samples), got {shape} and {recording.starboard.shape}"
         )
-    if n == 0 or shape[1] == 0:
-        raise ValueError(f"a recording needs at least one ping and one sample, got {n} pings of {shape[1]} samples")
+    n, n_samples = shape
+    if n == 0 or n_samples == 0:
+        raise ValueError(f"a recording needs at least one ping and one sample, got {n} pings of {n_samples} samples")
     for name in _ROWS[2:]:
         if len(getattr(recording, name)) != n:
             raise ValueError(f"{name} must have one row a ping: {n} wanted, got {len(getattr(recording, name))}")

@@ -30,6 +30,9 @@ class RegistrationConfig(BaseModel):
         gt=0,
         description="Side of the squares [m] whose errors count as independent: beyond the errors' reach.",
     )
+    sigma_factor: float = Field(
+        default=1.0, gt=0, description="Sigma against that of the residuals [1]; calibrated on simulated dives."
+    )
     min_sigma: float = Field(
         default=0.1,
         ge=0,
@@ -97,7 +100,8 @@ def register(
     With ``e = z_source - z_target(T p)`` the Jacobian of x, y, yaw is ``-[s_x, s_y, s_y u - s_x v]`` where ``s`` is the
     target's slope and ``(u, v)`` the turned source point: x and y are fixed by slope alone. The covariance is that of
     clustered errors, ``H^-1 (sum_b g_b g_b^T) H^-1`` with the score ``g_b`` of each square of the overlap, as errors of
-    neighbouring cells are not independent.
+    neighbouring cells are not independent. H is made of the slopes of both reliefs, ``J_target^T W J_source``: with one
+    relief's alone the slopes of its errors would count as shape.
     """
     config = config or RegistrationConfig()
     planar = planar_parameters(T_target_source)
@@ -112,11 +116,14 @@ def register(
     return Registration(planar_pose(*planar, z=offset), sigmas, tilt, height_residual, overlap)
 
 
-def _jacobian(overlap: Overlap, yaw: float) -> FloatArray:
-    """Derivative of the target's relief at the source cells by x, y, yaw, shape (K, 3)."""
-    u = np.cos(yaw) * overlap.x - np.sin(yaw) * overlap.y
-    v = np.sin(yaw) * overlap.x + np.cos(yaw) * overlap.y
-    return np.column_stack([overlap.slope_x, overlap.slope_y, overlap.slope_y * u - overlap.slope_x * v])
+def _jacobians(overlap: Overlap, yaw: float) -> tuple[FloatArray, FloatArray]:
+    """Derivatives by x, y, yaw of the relief at the source cells: the target's slopes and the source's, shape (K, 3)."""
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[cosine, sine], [-sine, cosine]])  # turns row vectors
+    place = np.column_stack([overlap.x, overlap.y]) @ turn
+    slopes = (overlap.slope_target, overlap.slope_source @ turn)
+    target, source = (np.column_stack([s, s[:, 1] * place[:, 0] - s[:, 0] * place[:, 1]]) for s in slopes)
+    return target, source
 
 
 def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
@@ -130,7 +137,7 @@ def _step(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArra
     """One Gauss-Newton step of x, y, yaw, shortened to its limits; zero where nothing fixes it."""
     if len(overlap.x) < 3:
         return np.zeros(3)
-    J, weight = _jacobian(overlap, yaw), _weights(overlap, config)
+    (J, _), weight = _jacobians(overlap, yaw), _weights(overlap, config)
     H = J.T @ (weight[:, None] * J)
     if not np.linalg.cond(H) < 1e12:
         return np.zeros(3)
@@ -141,26 +148,26 @@ def _step(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArra
 
 def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
     """Standard deviations of the transform, rotation first."""
-    planar = np.full(3, np.inf)
-    if len(overlap.x) >= 3:
-        J, weight = _jacobian(overlap, yaw), _weights(overlap, config)
-        planar = _clustered(J, weight, overlap.z_source - overlap.z_target, _blocks(overlap, config.block))
+    planar = config.sigma_factor * _clustered(overlap, yaw, config) if len(overlap.x) >= 3 else np.full(3, np.inf)
     floor = np.array([config.min_sigma, config.min_sigma, config.min_sigma_yaw])
     x, y, turn = np.hypot(planar, floor)
     tilt, offset = np.sqrt(2) * config.gauge_tilt, np.sqrt(2) * config.gauge_sigma
     return np.array([tilt, tilt, turn, x, y, offset])
 
 
-def _clustered(J: FloatArray, weight: FloatArray, residual: FloatArray, block: IntArray) -> FloatArray:
-    """Standard deviations of least squares whose errors are independent between blocks only, shape (3,)."""
-    H = J.T @ (weight[:, None] * J)
+def _clustered(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
+    """Standard deviations of x, y, yaw when errors are independent between blocks only, shape (3,)."""
+    (J, J_source), weight = _jacobians(overlap, yaw), _weights(overlap, config)
+    H = J.T @ (weight[:, None] * J_source)
+    H = (H + H.T) / 2
+    values, block = np.linalg.eigvalsh(H), _blocks(overlap, config.block)
     n_blocks = int(block.max()) + 1
-    if n_blocks <= J.shape[1] or not np.linalg.cond(H) < 1e12:
-        return np.full(J.shape[1], np.inf)
-    scores = np.zeros((n_blocks, J.shape[1]))
-    np.add.at(scores, block, J * (weight * residual)[:, None])
+    if n_blocks <= 3 or not values[0] > 1e-12 * np.abs(values).max():
+        return np.full(3, np.inf)
+    scores = np.zeros((n_blocks, 3))
+    np.add.at(scores, block, J * (weight * (overlap.z_source - overlap.z_target))[:, None])
     inverse = np.linalg.inv(H)
-    covariance = inverse @ (scores.T @ scores) @ inverse * n_blocks / (n_blocks - J.shape[1])
+    covariance = inverse @ (scores.T @ scores) @ inverse * n_blocks / (n_blocks - 3)
     return np.asarray(np.sqrt(np.diag(covariance)))
 
 

@@ -18,15 +18,20 @@ class ReliefConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     longest: float = Field(
-        default=20.0,
+        default=12.0,
         gt=0,
-        description="Wavelength [m] of which half is kept: longer waves come from the altimeter and the smoothness, "
-        "not from the echoes.",
+        description="Wavelength [m] of which half is kept: longer waves come from priors, not from echoes.",
+    )
+    longest_across: float = Field(
+        default=30.0,
+        gt=0,
+        description="The same [m] for each strip across the track: how high one ping's strip lies is all but a guess.",
     )
     shortest: float = Field(
-        default=4.0,
-        ge=0,
-        description="Wavelength half kept [m]: shorter ones are mostly the reconstruction's error. 0 keeps all.",
+        default=0.0, ge=0, description="Wavelength [m] of which half is kept: shorter waves go; 0 keeps all."
+    )
+    min_cells: float = Field(
+        default=8.0, gt=0, description="Least ``longest`` [cells of the grid]: a coarse grid holds no shape below."
     )
     clip: float = Field(
         default=3.0,
@@ -47,7 +52,7 @@ class Relief:
     Parameters
     ----------
     z : ndarray, shape (n_y, n_x)
-        Relief [m]: heights without tilt, long waves, across-track profile and noise; 0 where the weight is 0.
+        Relief [m]: heights without tilt, long waves and strips; 0 where the weight is 0.
     weight : ndarray, shape (n_y, n_x)
         Trust in each cell [1]: 0 where unknown or in shadow, else in (0, 1].
     reflectivity : ndarray, shape (n_y, n_x)
@@ -90,7 +95,7 @@ class Relief:
 
     @cached_property
     def information(self) -> float:
-        """Root-mean-square relief over the median height sigma [1]; below about 1 there is nothing to recognise."""
+        """Root-mean-square relief over the median height sigma [1]; sigma counts long waves, so 0.3 is rough floor."""
         if not self.is_trusted.any():
             return 0.0
         return _rms(self.z, self.weight) / float(np.median(self.sigma[self.is_trusted]))
@@ -115,17 +120,20 @@ def extract_relief(submap: Submap, config: ReliefConfig | None = None) -> Relief
     Returns
     -------
     relief : Relief
-        Rasters without NaN; cells that are unknown, in shadow or without a usable sigma have weight 0.
+        Rasters without NaN; cells that are unknown, in shadow, without a usable sigma or at an edge
+        have weight 0.
     """
     config = config or ReliefConfig()
     known = submap.is_known & np.isfinite(submap.sigma) & (submap.sigma >= 0) & ~submap.is_shadow
     height, sigma = np.where(known, submap.surface.z, 0.0), np.where(known, submap.sigma, 1.0)
     spacing = submap.surface.spacing
-    z = band_pass(height, known.astype(np.float64), spacing, config)
-    weight = known / (1 + (sigma / max(_rms(z, known), 1e-9)) ** 2)
-    z = _clipped(band_pass(height, weight, spacing, config), weight, config.clip)
-    reflectivity = band_pass(np.nan_to_num(submap.log_reflectivity), weight, spacing, config)
-    return Relief(z, weight, reflectivity, height, sigma, spacing, submap.surface.origin)
+    weight = known / (1 + (sigma / max(float(np.median(sigma[known])), 1e-9)) ** 2) if known.any() else sigma * 0.0
+    z, reflectivity = (band_pass(a, weight, spacing, config) for a in (height, np.nan_to_num(submap.log_reflectivity)))
+    weight = weight * _support(known, _longest(spacing, config) * _HALF / spacing)
+    trusted = weight > 0
+    z, reflectivity = _clipped(z, trusted, config.clip), np.where(trusted, reflectivity, 0.0)
+    rasters = (np.where(trusted, height, 0.0), np.where(trusted, sigma, 1.0))
+    return Relief(z, weight, reflectivity, *rasters, spacing, submap.surface.origin)
 
 
 def band_pass(values: FloatArray, weight: FloatArray, spacing: float, config: ReliefConfig) -> FloatArray:
@@ -145,17 +153,20 @@ def band_pass(values: FloatArray, weight: FloatArray, spacing: float, config: Re
     Returns
     -------
     passed : ndarray, shape (n_y, n_x)
-        The raster without plane, long waves, short waves and mean across-track profile; 0 where the weight is 0.
+        The raster without plane, long waves, strips across the track and short waves; 0 where the weight is 0.
 
     Notes
     -----
-    Smoothing is by normalised convolution with a Gaussian. The grid's x axis runs along the track, so an error of the
-    beam pattern or of the altitude is the same all along a row: the mean of each row is taken out.
+    Smoothing is by normalised convolution with a Gaussian. The grid's y axis runs across the track. A side-scan hears
+    slopes across the track; the height of one ping's strip against the next is left to a reconstruction's priors, whose
+    errors are streaks along y. So long waves along y alone go too.
     """
+    longest = _longest(spacing, config) * _HALF / spacing
     values = values - _plane(values, weight)
-    values = values - _smooth(values, weight, config.longest * _HALF / spacing)
-    values = values - _row_means(values, weight)
-    values = _smooth(values, weight, config.shortest * _HALF / spacing) if config.shortest > 0 else values
+    values = values - _smooth(values, weight, (longest, longest))
+    values = values - _smooth(values, weight, (max(config.longest_across * _HALF / spacing, longest), 0.0))
+    if config.shortest > 0:
+        values = _smooth(values, weight, (config.shortest * _HALF / spacing,) * 2)
     return np.asarray(np.where(weight > 0, values, 0.0))
 
 
@@ -236,21 +247,24 @@ def _plane(values: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray(np.tensordot(np.linalg.pinv(normal) @ np.einsum("iyx,yx->i", basis, weight * values), basis, 1))
 
 
-def _smooth(values: FloatArray, weight: FloatArray, sigma: float) -> FloatArray:
-    """Normalised convolution with a Gaussian of ``sigma`` cells."""
+def _longest(spacing: float, config: ReliefConfig) -> float:
+    """Longest wavelength kept [m]."""
+    return max(config.longest, config.min_cells * spacing)
+
+
+def _smooth(values: FloatArray, weight: FloatArray, sigma: tuple[float, float]) -> FloatArray:
+    """Normalised convolution with a Gaussian of ``sigma`` cells along y and x."""
     blurred, total = (gaussian_filter(a, sigma, mode="constant", truncate=3.0) for a in (values * weight, weight))
     return np.asarray(blurred / np.maximum(total, 1e-12))
 
 
-def _row_means(values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Weighted mean of each row, shape (n_y, 1)."""
-    return np.asarray(
-        (values * weight).sum(axis=1, keepdims=True) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
-    )
+def _support(known: BoolArray, sigma: float) -> FloatArray:
+    """Trust in a smoothing: 1 inside, 0 at a straight edge, where it looks to one side only."""
+    share = gaussian_filter(known.astype(np.float64), sigma, mode="constant", truncate=3.0)
+    return np.asarray(np.where(known, np.maximum(2 * share - 1, 0.0), 0.0))
 
 
-def _clipped(z: FloatArray, weight: FloatArray, limit: float) -> FloatArray:
-    """The relief with its outliers drawn in to ``limit`` robust standard deviations."""
-    trusted = z[weight > 0]
-    scale = 1.4826 * float(np.median(np.abs(trusted))) if trusted.size else 0.0
-    return np.asarray(np.clip(z, -limit * scale, limit * scale)) if scale > 0 else z
+def _clipped(z: FloatArray, trusted: BoolArray, limit: float) -> FloatArray:
+    """The trusted relief with its outliers drawn in to ``limit`` robust standard deviations, 0 elsewhere."""
+    scale = 1.4826 * float(np.median(np.abs(z[trusted]))) if trusted.any() else 0.0
+    return np.asarray(np.where(trusted, np.clip(z, -limit * scale, limit * scale), 0.0))

@@ -1,5 +1,6 @@
 """What the commands do: read, run, write, and tell the person at the terminal."""
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -115,25 +116,29 @@ def demo(out: Path, seed: int | None, config: "Config") -> None:
 
 
 def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
-    """Simulate a recording with truth and write it.
+    """Simulate a recording and write it, with truth to the open container or as a sonar would to XTF.
 
     Parameters
     ----------
     scene : str
         Name of a shipped scene, or a TOML file.
     out : Path
-        The file, .nc.
+        The file, .nc or .xtf.
     seed : int or None
         Another seed than the scene's.
     """
     from sssslam.readers.netcdf import write_netcdf
-    from sssslam.simulation import load_scene, simulate, with_seed
+    from sssslam.simulation import load_scene, simulate, simulate_chunks, with_seed, write_xtf
 
+    _check_file(out, (".nc", ".xtf"))
     chosen = load_scene(scene)
+    chosen = chosen if seed is None else with_seed(chosen, seed)
     with progress_console.status("simulating"):
-        recording = simulate(chosen if seed is None else with_seed(chosen, seed))
-    write_netcdf(recording, out)
-    out_console.print(f"{out}: {recording.n_pings} pings over {recording.trajectory_dr.distance[-1]:.0f} m")
+        if out.suffix == ".xtf":
+            write_xtf(simulate_chunks(chosen), out, chosen.recorder.sample_type)
+        else:
+            write_netcdf(simulate(chosen), out)
+    out_console.print(f"{out}: {chosen.description}", markup=False)
 
 
 def list_scenes() -> None:
@@ -234,6 +239,7 @@ def convert(recordings: Sequence[Path], file: Path, channels: str | None) -> Non
     """
     from sssslam.readers.netcdf import write_netcdf
 
+    _check_file(file, (".nc",))
     recording = read(*recordings, channels=channels)
     write_netcdf(recording, file)
     _say(recording.notes)
@@ -302,3 +308,20 @@ def _check_folder(out: Path) -> None:
     """Say before the work, not after it, that the products have no place."""
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file; a folder for the products is wanted")
+    _check_place(out)
+
+
+def _check_file(out: Path, suffixes: tuple[str, ...]) -> None:
+    """Refuse a file that could not be written, or whose name asks for another format."""
+    if out.suffix not in suffixes:
+        raise ValueError(f"{out} is to be written; a name that ends in {' or '.join(suffixes)} is wanted")
+    if out.is_dir():
+        raise ValueError(f"{out} is a folder; a file is wanted")
+    _check_place(out.parent)
+
+
+def _check_place(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written to."""
+    there = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise ValueError(f"{folder} cannot be written; a folder that can is wanted")

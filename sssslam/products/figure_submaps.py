@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from frontend.arrays import BoolArray
+from frontend.arrays import AnyArray, BoolArray
 from frontend.frames import level, transform
 from frontend.heightfield import Heightfield
 from frontend.loop_closures import LoopClosure
@@ -32,7 +32,8 @@ def choose_submaps(submaps: Sequence[Submap], loop_closures: Sequence[LoopClosur
     chosen : list of Submap
         At most six, in the order of the dive.
     """
-    best = sorted((c for c in loop_closures if c.accepted), key=lambda c: (-c.n_inliers, c.target, c.source))
+    accepted = (c for c in loop_closures if c.accepted)
+    best = sorted(accepted, key=lambda c: (-c.n_inliers, -np.nan_to_num(c.correlation), c.target))
     closed = [number for c in best for number in (c.target, c.source)]
     spread = [submaps[i].number for i in np.linspace(0, len(submaps) - 1, min(N_DRAWN, len(submaps))).astype(int)]
     rest = [submap.number for submap in submaps]
@@ -55,19 +56,29 @@ def draw_submaps(submaps: Sequence[Submap], truth: Truth | None) -> bytes:
     content : bytes
         A PNG.
     """
-    terrain = truth.terrain if truth is not None else None
-    n_columns = 3 if terrain is None else 4
     with look.style():
-        figure = look.new_figure(11, 2.7 * len(submaps) + 0.4)
-        grid = figure.subplots(len(submaps), n_columns, squeeze=False, gridspec_kw={"wspace": 0.2, "hspace": 0.22})
+        figure, grid = _new_grid(len(submaps), 3 if truth is None or truth.terrain is None else 4)
         for row, submap in zip(grid, submaps, strict=True):
             surfaces = {f"submap {submap.number}: height [m]": submap.surface}
-            if truth is not None and terrain is not None:
-                surfaces["true height [m]"] = true_surface(submap, truth, terrain)
+            if truth is not None and truth.terrain is not None:
+                surfaces["true height [m]"] = true_surface(submap, truth, truth.terrain)
             _draw_heights(figure, [row[0], row[-1]], surfaces)
             _draw_sigma(figure, row[1], submap)
             _draw_reflectivity(figure, row[2], submap)
         return look.png(figure)
+
+
+def _new_grid(n_submaps: int, n_columns: int) -> tuple[Any, AnyArray]:
+    """A row of axes a submap; a submap that is alone gets large ones, two and two."""
+    if n_submaps > 1:
+        figure = look.new_figure(11, 2.7 * n_submaps + 0.4)
+        places = {"wspace": 0.2, "hspace": 0.22}
+        return figure, figure.subplots(n_submaps, n_columns, squeeze=False, gridspec_kw=places)
+    figure = look.new_figure(11, 9.4)
+    axes = figure.subplots(2, 2, gridspec_kw={"wspace": 0.12, "hspace": 0.14}).ravel()
+    for axis in axes[n_columns:]:
+        axis.remove()
+    return figure, axes[None, :n_columns]
 
 
 def true_surface(submap: Submap, truth: Truth, terrain: Heightfield) -> Heightfield:

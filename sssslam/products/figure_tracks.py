@@ -68,7 +68,7 @@ def _draw_closures(axes: Any, run: Run, loop_closures: Sequence[LoopClosure], st
 
 def _draw_shift(axes: Any, run: Run) -> None:
     shift = np.hypot(run.trajectory.x - run.trajectory_dr.x, run.trajectory.y - run.trajectory_dr.y)
-    axes.plot(run.trajectory.distance, shift, color=look.CORRECTED, lw=1.6, label="corrected against dead-reckoned")
+    axes.plot(run.trajectory.distance, shift, color=look.CORRECTED, lw=1.6, label="shift")
     _finish_below(axes, run, "How far the track was moved")
 
 
@@ -104,7 +104,7 @@ def _finish_below(axes: Any, run: Run, title: str) -> None:
 
 
 def draw_closure_scores(loop_closures: Sequence[LoopClosure]) -> bytes:
-    """Correlation against inliers of every candidate, rejected ones by their commonest reasons.
+    """Correlation against inliers and overlap of every candidate, rejected ones by their commonest reasons.
 
     Parameters
     ----------
@@ -120,11 +120,16 @@ def draw_closure_scores(loop_closures: Sequence[LoopClosure]) -> bytes:
     groups += _by_reason([c for c in loop_closures if not c.accepted])
     with look.style():
         figure = look.new_figure(11, 4.4, right=3.0)
-        axes = figure.subplots()
-        for name, members, colour, marker in groups:
-            _draw_scores(axes, f"{name} ({len(members)})", members, {"color": colour, "marker": marker})
-        axes.set(xlabel="inliers", ylabel="correlation of heights", title="Candidates")
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.3)
+        left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"wspace": 0.08})
+        for name, members, colour, marker in reversed(groups):
+            _draw_scores((left, right), f"{name} ({len(members)})", members, {"color": colour, "marker": marker})
+        left.set(xlabel="inliers", ylabel="correlation of heights", title="Candidates")
+        left.xaxis.get_major_locator().set_params(integer=True)
+        left.set_xlim(-0.5, 1.05 * max((c.n_inliers for c in loop_closures), default=0) + 0.5)
+        right.set(xlabel="overlap, share of the smaller submap")
+        handles, labels = right.get_legend_handles_labels()
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.3}
+        right.legend(handles[::-1], labels[::-1], **place)
         return look.png(figure)
 
 
@@ -158,8 +163,10 @@ def _by_reason(rejected: Sequence[LoopClosure]) -> list[tuple[str, list[LoopClos
     return [(n, m, look.REASON_COLOURS[i], "xs^vD"[i]) for i, (n, m) in enumerate(groups)]
 
 
-def _draw_scores(axes: Any, name: str, members: Sequence[LoopClosure], style: dict[str, Any]) -> None:
-    scores = np.array([[c.n_inliers, c.correlation] for c in members], dtype=np.float64).reshape(-1, 2)
-    unknown = int(np.count_nonzero(~np.isfinite(scores[:, 1])))
+def _draw_scores(axes: Sequence[Any], name: str, members: Sequence[LoopClosure], style: dict[str, Any]) -> None:
+    rows = [[c.n_inliers, c.overlap, c.correlation] for c in members]
+    scores = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    unknown = int(np.count_nonzero(~np.isfinite(scores[:, 2])))
     label = textwrap.fill(f"{name}; {unknown} without a correlation" if unknown else name, 38)
-    axes.scatter(scores[:, 0], scores[:, 1], s=30, linewidths=1.2, alpha=0.85, label=label, **style)
+    for axis, values in zip(axes, scores.T[:2], strict=True):
+        axis.scatter(values, scores[:, 2], s=26, linewidths=1.2, alpha=0.85, label=label, **style)

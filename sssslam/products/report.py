@@ -102,7 +102,7 @@ def _timings(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _closure_rows(loop_closures: Sequence[LoopClosure]) -> list[dict[str, Any]]:
     """Accepted candidates, then rejected ones, each by what they have going for them."""
-    ordered = sorted(loop_closures, key=lambda c: (-c.n_inliers, c.target, c.source))
+    ordered = sorted(loop_closures, key=lambda c: (-c.n_inliers, -np.nan_to_num(c.correlation), c.target))
     accepted, rejected = ([c for c in ordered if bool(c.accepted) == wanted] for wanted in (True, False))
     return [_closure_row(closure) for closure in (*accepted[:_MAX_ACCEPTED], *rejected[:_MAX_REJECTED])]
 

@@ -29,7 +29,7 @@ def format_metric(value: float | None, unit: str) -> str:
     if unit == "rad":
         value, unit = float(np.rad2deg(value)), "°"
     exact = float(value).is_integer() and unit in ("", "loop closures", "candidates", "poses")
-    digits = 0 if exact else int(np.clip(2 - np.floor(np.log10(max(abs(value), 1e-9))), 0, 3))
+    digits = 0 if exact or value == 0 else int(np.clip(2 - np.floor(np.log10(max(abs(value), 1e-9))), 0, 3))
     number = f"{value:,.{digits}f}".replace(",", "\u202f")
     return f"{number}{unit}" if unit == "°" else f"{number}\u00a0{unit}".rstrip("\u00a0")
 

@@ -145,9 +145,14 @@ class Survey:
     def compared(self, closures: list[RelativePose]) -> Innovations:
         return innovations(self.dr_anchors, self.odometry(), closures)
 
-    def graph(self, closures: list[RelativePose], **configs: object) -> PoseGraph:
+    def graph(
+        self,
+        closures: list[RelativePose],
+        first_pose: tuple[float, ...] = (0.005, 0.005, 0.02, 0.01, 0.01, 0.1),
+        **configs: object,
+    ) -> PoseGraph:
         graph = PoseGraph(self.dr_anchors, **configs)
-        graph.add_first_pose([0.005, 0.005, 0.02, 0.01, 0.01, 0.1])
+        graph.add_first_pose(first_pose)
         for relative in self.odometry():
             graph.add_odometry(relative.target, relative.source, relative.T_target_source, relative.covariance)
         for anchor in range(len(self.anchor_pings)):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -146,7 +148,7 @@ def test_times_that_do_not_fit_the_poses_are_refused(straight):
 
 
 def test_sigmas_of_the_anchors_are_met_and_dead_reckoning_grows_beyond_them(straight):
-    reckoning = DeadReckoning(*straight, DeadReckoningConfig())
+    reckoning = DeadReckoning(*straight, DeadReckoningConfig(velocity_scale_sd=0.0, velocity_misalignment_sd=0.0))
     anchors = np.array([[0.1, 0.2, 0.05, 0.01], [0.3, 0.2, 0.05, 0.02]])
     sigmas = spread_sigmas(reckoning, [300, 700], anchors)
     np.testing.assert_allclose(sigmas[[300, 700]], anchors, rtol=1e-12)
@@ -164,6 +166,38 @@ def test_sigmas_of_pure_dead_reckoning_are_its_own(straight):
     reckoning = DeadReckoning(*straight, config.model_copy(update={"velocity_misalignment_sd": 0.0}))
     pings = np.array([0, 400, 900])
     np.testing.assert_allclose(spread_sigmas(reckoning, pings, reckoning.sigmas[pings]), reckoning.sigmas, rtol=1e-6)
+
+
+def test_what_no_closure_sees_grows_with_the_distance_from_the_first_anchor(straight):
+    known = {"heading_walk": 1e-12, "heading_deviation_sd": 0.0, "velocity_noise": 1e-9}
+    config = DeadReckoningConfig(velocity_scale_sd=0.01, velocity_misalignment_sd=0.02, **known)
+    sigmas = spread_sigmas(DeadReckoning(*straight, config), [100, 600], np.full((2, 4), 1e-6))
+    np.testing.assert_allclose(sigmas[600, :2], [0.5, 1.0], rtol=1e-6)  # 50 m to the east
+    assert sigmas[100, :2].max() < 1e-5
+
+
+def test_the_corrected_track_is_as_uncertain_as_its_errors_are_large(make_survey):
+    nees = []
+    for seed in range(10):
+        survey, rng = first_anchor_known(make_survey(seed)), np.random.default_rng(seed)
+        solution = survey.graph(survey.true_closures(rng), first_pose=[0.005, 0.005, 1e-4, 1e-3, 1e-3, 0.1]).solve()
+        T = spread_correction(survey.time, survey.T_world_body_dr, survey.anchor_pings, solution.T_world_anchor)
+        sigmas = spread_sigmas(survey.dead_reckoning, survey.anchor_pings, solution.sigmas)
+        error = T[:, :2, 3] - survey.T_world_body[:, :2, 3]
+        nees.append(np.mean((error[100:] / sigmas[100:, :2]) ** 2))
+    # constant heading deviation, scale and misalignment make the figure of a run a chi-square of few degrees of freedom,
+    # and the mean of ten good to a factor of two
+    assert 0.5 < np.mean(nees) < 2.0
+
+
+def first_anchor_known(survey):
+    """The survey with dead reckoning moved as a whole to where the first anchor truly is."""
+    first = survey.anchor_pings[0]
+    truth, dr = survey.T_world_body[first], survey.T_world_body_dr[first]
+    turn = yaw_of(truth[None])[0] - yaw_of(dr[None])[0]
+    T_dr = turned(survey.T_world_body_dr, turn, truth[:3, 3] - turned(dr, turn, np.zeros(3))[:3, 3])
+    T_dr[:, 2, 3] = survey.T_world_body_dr[:, 2, 3]
+    return replace(survey, T_world_body_dr=T_dr, dead_reckoning=DeadReckoning(survey.time, T_dr))
 
 
 def test_between_two_well_known_anchors_dead_reckoning_sags(straight):

@@ -54,8 +54,11 @@ def test_distance_and_true_bearing_are_those_of_the_ellipsoid(
 def test_the_reference_system_is_a_transverse_mercator_of_scale_one() -> None:
     crs = Georeference(54.5, -1.25).crs
     assert crs.is_projected
-    assert "+proj=tmerc" in crs.to_proj4()
-    assert "+k=1 " in crs.to_proj4()
+    assert crs.coordinate_operation is not None
+    assert crs.coordinate_operation.method_name == "Transverse Mercator"
+    parameters = {parameter.name: parameter.value for parameter in crs.coordinate_operation.params}
+    assert parameters["Scale factor at natural origin"] == 1
+    assert parameters["Latitude of natural origin"] == 54.5
 
 
 def test_the_antimeridian_is_no_wall() -> None:

@@ -35,6 +35,12 @@ def test_a_mirror_is_not_taken_for_a_rotation() -> None:
     points = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])
     rotation, _ = rigid_alignment(points, points * [1.0, -1.0])
     assert np.linalg.det(rotation) == pytest.approx(1.0)
+    residual = np.linalg.norm(aligned(points, points * [1.0, -1.0]) - points * [1.0, -1.0])
+    centred = points - points.mean(axis=0)
+    for angle in np.linspace(-np.pi, np.pi, 100):
+        c, s = np.cos(angle), np.sin(angle)
+        turned = centred @ np.array([[c, s], [-s, c]])
+        assert residual <= np.linalg.norm(turned - centred * [1.0, -1.0]) + 1e-9
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -62,7 +62,7 @@ def test_an_unchanged_error_is_told() -> None:
         (0.02, "rad", "1.15°"),
         (1234.5, "m", "1\u202f234\u00a0m"),
         (12.34, "m", "12.3\u00a0m"),
-        (0.0, "m", "0.000\u00a0m"),
+        (0.0, "m", "0\u00a0m"),
         (3.0, "loop closures", "3\u00a0loop closures"),
         (0.981, "", "0.981"),
         (None, "m", "unknown"),
