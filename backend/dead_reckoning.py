@@ -10,60 +10,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Field
 
 from backend.arrays import FloatArray, IntArray
+from backend.drift_model import DeadReckoningConfig, constant_sds, deviation, propagate, quarter_turn
 from backend.poses import as_poses, cross_matrix, sandwich
 
+__all__ = ["DeadReckoning", "DeadReckoningConfig"]
+
 _PLANAR = [2, 3, 4]  # yaw, x, y in a 6-vector
-
-
-class DeadReckoningConfig(BaseModel):
-    """Errors of the vehicle's sensors; defaults between a tactical FOG and a MEMS compass, with a Doppler log."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    heading_bias_sd: float = Field(
-        default=0.02,
-        ge=0,
-        description="Constant heading error [rad]; 1 deg, a swung compass. It turns the whole track: gauge.",
-    )
-    heading_walk: float = Field(
-        default=1.2e-3,
-        gt=0,
-        description="Heading random walk [rad/sqrt(s)]; 4 deg/sqrt(h): tactical 0.1 to 0.5, MEMS 6.",
-    )
-    heading_deviation_sd: float = Field(
-        default=0.012,
-        ge=0,
-        description="Heading error with the cosine and with the sine of the heading [rad]; 0.7 deg, iron on board.",
-    )
-    velocity_scale_sd: float = Field(
-        default=0.006,
-        ge=0,
-        description="Relative error of the speed; 0.1 to 1 % for Doppler logs, mostly from sound speed.",
-    )
-    velocity_misalignment_sd: float = Field(
-        default=0.006,
-        ge=0,
-        description="Turn of the velocity against the heading sensor [rad]; 0.3 deg, careful mounting.",
-    )
-    velocity_noise: float = Field(
-        default=0.02, gt=0, description="White velocity noise [m/s/sqrt(Hz)]; 2 cm/s at 1 Hz, a 600 kHz Doppler log."
-    )
-    depth_sd: float = Field(
-        default=0.1,
-        gt=0,
-        description="Error of a measured depth [m]; repeatability of a pressure sensor, and waves.",
-    )
-    tilt_sd: float = Field(
-        default=0.005, gt=0, description="Error of measured roll and pitch [rad]; 0.3 deg, a MEMS attitude sensor."
-    )
-    unary_slack: float = Field(
-        default=10.0,
-        ge=1,
-        description="Depth and tilt of odometry are this much looser than measured [-]; each anchor holds its own.",
-    )
 
 
 class DeadReckoning:
@@ -198,7 +152,7 @@ class DeadReckoning:
     @cached_property
     def covariances(self) -> FloatArray:
         """Shape (N, 4, 4): covariance of x, y, z and yaw in the world when the position of the first ping is known."""
-        return _propagate(self._time, self._T, self.config)
+        return propagate(self._time, self._T, self.config)
 
     @cached_property
     def sigmas(self) -> FloatArray:
@@ -218,22 +172,22 @@ class DeadReckoning:
         self._position = self._T[:, :2, 3] - self._T[:, :2, 3].mean(axis=0)
         step, middle = np.diff(self._position, axis=0), 0.5 * (self._position[1:] + self._position[:-1])
         # a turn about the middle of the step: one in yaw, minus J p in x and y
-        turn = np.concatenate([np.ones((len(step), 1)), -_quarter_turn(middle)], axis=1)
-        sideways = np.pad(_quarter_turn(step), ((0, 0), (1, 0)))
+        turn = np.concatenate([np.ones((len(step), 1)), -quarter_turn(middle)], axis=1)
+        sideways = np.pad(quarter_turn(step), ((0, 0), (1, 0)))
         walk = np.einsum("ka,kb->kab", turn, turn) + np.einsum("ka,kb->kab", sideways, sideways) / 12.0
         random = config.heading_walk**2 * walk + config.velocity_noise**2 * np.diag([0.0, 1.0, 1.0])
         self._random = _cumulate(dt[:, None, None] * random)
-        deviating = np.einsum("ka,kb->kab", turn, np.diff(_deviation(self._T), axis=0))
+        deviating = np.einsum("ka,kb->kab", turn, np.diff(deviation(self._T), axis=0))
         scaled = np.pad(step, ((0, 0), (1, 0)))
         constant = np.concatenate([scaled[:, :, None], sideways[:, :, None], deviating], axis=2)
-        self._constant = _cumulate(constant * _constant_sds(config))
+        self._constant = _cumulate(constant * constant_sds(config))
 
     def _planar_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
         """Covariance of yaw, x and y of ping j, seen from ping i, along the world's axes."""
         twist = self._random[np.maximum(i, j)] - self._random[np.minimum(i, j)]
         constant = self._constant[j] - self._constant[i]
         at_ping = np.tile(np.eye(3), (len(j), 1, 1))
-        at_ping[:, 1:, 0] = _quarter_turn(self._position[j])
+        at_ping[:, 1:, 0] = quarter_turn(self._position[j])
         return sandwich(at_ping, twist + constant @ np.swapaxes(constant, 1, 2))
 
     def _relative(self, first: ArrayLike, second: ArrayLike, slack: float) -> FloatArray:
@@ -248,26 +202,9 @@ class DeadReckoning:
         return sandwich(turn, covariance) * (i != j)[:, None, None]
 
 
-def _quarter_turn(vectors: FloatArray) -> FloatArray:
-    """Turn horizontal vectors by 90 degrees: how a point moves when the world turns by one radian about the origin."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
-
-
 def _cumulate(steps: FloatArray) -> FloatArray:
     """Sums up to each ping, zero at the first."""
     return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
-
-
-def _deviation(T_world_body: FloatArray) -> FloatArray:
-    """What the heading deviates with: its cosine and sine, shape (N, 2)."""
-    yaw = np.arctan2(T_world_body[:, 1, 0], T_world_body[:, 0, 0])
-    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-
-
-def _constant_sds(config: DeadReckoningConfig) -> FloatArray:
-    """Standard deviations of what is constant over the dive: scale, misalignment, two deviations."""
-    deviation = config.heading_deviation_sd
-    return np.array([config.velocity_scale_sd, config.velocity_misalignment_sd, deviation, deviation])
 
 
 def _tilt_pattern(lever: FloatArray) -> FloatArray:
@@ -275,47 +212,3 @@ def _tilt_pattern(lever: FloatArray) -> FloatArray:
     first = np.concatenate([np.tile(-np.eye(3)[:, :2], (len(lever), 1, 1)), cross_matrix(lever)[:, :, :2]], axis=1)
     second = np.eye(6)[:, :2]
     return first @ np.swapaxes(first, 1, 2) + second @ second.T
-
-
-def _propagate(time: FloatArray, T_world_body: FloatArray, config: DeadReckoningConfig) -> FloatArray:
-    """Covariance of x, y, z and yaw at each ping by the prediction steps of a Kalman filter."""
-    from filterpy.kalman import predict  # half a second to import
-
-    # state: errors of x, y and yaw, then scale, misalignment and the two deviations of the heading
-    state, P = np.zeros(7), np.diag(np.concatenate([[0.0, 0.0, config.heading_bias_sd], _constant_sds(config)]) ** 2)
-    states = [P]
-    step, deviation = np.diff(T_world_body[:, :2, 3], axis=0), _deviation(T_world_body)
-    noises = _process_noises(step, np.diff(time), config)
-    for F, Q in zip(_transitions(step, 0.5 * (deviation[1:] + deviation[:-1])), noises, strict=True):
-        state, P = predict(state, P, F=F, Q=Q)
-        states.append(P)
-    return _as_x_y_z_yaw(np.stack(states), deviation, config)
-
-
-def _transitions(step: FloatArray, deviation: FloatArray) -> FloatArray:
-    """How errors of heading and velocity become errors of position over each step."""
-    F, sideways = np.tile(np.eye(7), (len(step), 1, 1)), _quarter_turn(step)
-    F[:, :2, 2], F[:, :2, 3], F[:, :2, 4] = sideways, step, sideways
-    F[:, :2, 5:] = np.einsum("ka,kb->kab", sideways, deviation)
-    return F
-
-
-def _process_noises(step: FloatArray, dt: FloatArray, config: DeadReckoningConfig) -> FloatArray:
-    """Noise of each step: velocity noise, and a heading that walks while the vehicle moves."""
-    Q, sideways = np.zeros((len(step), 7, 7)), _quarter_turn(step)
-    walk = config.heading_walk**2 * dt
-    Q[:, :2, :2] = config.velocity_noise**2 * dt[:, None, None] * np.eye(2)
-    Q[:, :2, :2] += np.einsum("k,ka,kb->kab", walk / 3.0, sideways, sideways)
-    Q[:, :2, 2] = Q[:, 2, :2] = walk[:, None] * sideways / 2.0
-    Q[:, 2, 2] = walk
-    return Q
-
-
-def _as_x_y_z_yaw(P: FloatArray, deviation: FloatArray, config: DeadReckoningConfig) -> FloatArray:
-    """Pick x, y and the whole heading error from the states; depth is measured."""
-    pick = np.zeros((len(P), 4, 7))
-    pick[:, 0, 0] = pick[:, 1, 1] = pick[:, 3, 2] = 1.0
-    pick[:, 3, 5:] = deviation
-    covariance = sandwich(pick, P)
-    covariance[:, 2, 2] = config.depth_sd**2
-    return covariance

@@ -84,7 +84,7 @@ class LoopClosureConfig(BaseModel):
         description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
     )
     min_correlation: float = Field(
-        default=0.3,
+        default=0.2,
         gt=0,
         lt=1,
         description="Least correlation of the heights [1]: below, even a sure one aligns badly.",

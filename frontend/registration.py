@@ -31,7 +31,9 @@ class RegistrationConfig(BaseModel):
         description="Side of the squares [m] whose errors count as independent: beyond the errors' reach.",
     )
     sigma_factor: float = Field(
-        default=1.0, gt=0, description="Sigma against that of the residuals [1]; calibrated on simulated dives."
+        default=2.0,
+        gt=0,
+        description="Sigma against that of the residuals [1]: drift bends windows. Calibrated on simulated dives.",
     )
     min_sigma: float = Field(
         default=0.1,
@@ -117,7 +119,7 @@ def register(
 
 
 def _jacobians(overlap: Overlap, yaw: float) -> tuple[FloatArray, FloatArray]:
-    """Derivatives by x, y, yaw of the relief at the source cells: the target's slopes and the source's, shape (K, 3)."""
+    """Derivatives by x, y, yaw of both reliefs at the source cells, each shape (K, 3)."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     turn = np.array([[cosine, sine], [-sine, cosine]])  # turns row vectors
     place = np.column_stack([overlap.x, overlap.y]) @ turn

@@ -1,7 +1,10 @@
 """sssslam: from a side-scan sonar recording to a corrected track and a map of the seafloor."""
 
+from importlib import import_module as _import_module
+from importlib.metadata import version as _version
 from importlib.util import find_spec as _find_spec
 from pathlib import Path as _Path
+from typing import TYPE_CHECKING
 
 _ROOM = _Path(__file__).resolve().parent.parent
 for _name in ("frontend", "backend"):
@@ -13,8 +16,6 @@ for _name in ("frontend", "backend"):
             "move or rename that one, or run from another folder"
         )
 
-from importlib import import_module as _import_module
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from frontend.features import Features
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from sssslam.readers import read
     from sssslam.simulation import load_scene, simulate
 
-__version__ = "0.1.0"
+__version__ = _version("sssslam")
 
 __all__ = [
     "Config",

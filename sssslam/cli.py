@@ -42,9 +42,7 @@ def _options(
 
 
 @app.command()
-def demo(
-    out: Out = Path("out/demo"), seed: Seed = None, config: ConfigFile = None, settings: Settings = None
-) -> None:
+def demo(out: Out = Path("out/demo"), seed: Seed = None, config: ConfigFile = None, settings: Settings = None) -> None:
     """Examples:
 
     \b
@@ -131,7 +129,9 @@ def reconstruct(
 def evaluate(
     out: Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)],
     reference: Annotated[Path, typer.Option(help="Reference track: a TUM file, or a .nc with truth.")],
-    terrain: Annotated[Path | None, typer.Option(help="True heights: a GeoTIFF, or .npz with z, spacing, origin.")] = None,
+    terrain: Annotated[
+        Path | None, typer.Option(help="True heights: a GeoTIFF, or .npz with z, spacing, origin.")
+    ] = None,
 ) -> None:
     """Examples:
 

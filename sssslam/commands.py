@@ -41,8 +41,9 @@ class Shown(Watch):
         item
             Each of the items.
         """
-        columns = (TextColumn("{task.description:>15}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"))
-        with Progress(*columns, TimeRemainingColumn(), console=progress_console, transient=True) as progress:
+        name_column, rate_column = TextColumn("{task.description:>15}"), TextColumn("{task.fields[rate]}")
+        columns = (name_column, BarColumn(), MofNCompleteColumn(), rate_column, TimeRemainingColumn())
+        with Progress(*columns, console=progress_console, transient=True) as progress:
             bar = progress.add_task(name, total=len(items), rate="")
             for item in super().track(name, items):
                 yield item

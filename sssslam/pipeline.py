@@ -402,7 +402,8 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
         f"Samples taken for {radiometry.quantity} with {radiometry.looks:.2g} looks each.",
     ]
     if np.isfinite(bottom.altimeter_scale) and bottom.altimeter_scale != 1:
-        chosen.append(f"The altimeter was multiplied by {bottom.altimeter_scale:.3f} to agree with the first bottom return.")
+        scale = f"{bottom.altimeter_scale:.3f}"
+        chosen.append(f"The altimeter was multiplied by {scale} to agree with the first bottom return.")
     if np.isnan(bottom.altimeter_scale):
         chosen.append("No altitude recorded: taken from the first bottom return.")
     return (*recording.notes, *chosen)

@@ -25,7 +25,9 @@ def row(scene: str, seed: int) -> str:
     ratio = found["ate"] / found["ate_dr"]
     closures = f"{found['closures_true']:.0f} | {found['closures_false']:.0f}"
     per_ping = 1e3 * seconds / recording.n_pings
-    return f"| {scene} | {seed} | {found['ate_dr']:.2f} | {found['ate']:.2f} | {ratio:.2f} | {closures} | {per_ping:.1f} |"
+    return (
+        f"| {scene} | {seed} | {found['ate_dr']:.2f} | {found['ate']:.2f} | {ratio:.2f} | {closures} | {per_ping:.1f} |"
+    )
 
 
 def main() -> None:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-import sssslam
 from frontend.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -168,7 +167,7 @@ def _counts(result: "Result") -> dict[str, int]:
 
 def _versions() -> dict[str, Any]:
     return {
-        "sssslam": sssslam.__version__,
+        "sssslam": _version("sssslam"),
         "commit": _commit(),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _dependencies()},
@@ -196,7 +195,7 @@ def _version(name: str) -> str | None:
 @cache
 def _commit() -> str | None:
     """The commit of a source checkout; None where the package is installed from a wheel or git is missing."""
-    root = Path(sssslam.__file__).parents[1]
+    root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     try:

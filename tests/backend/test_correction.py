@@ -185,8 +185,8 @@ def test_the_corrected_track_is_as_uncertain_as_its_errors_are_large(make_survey
         sigmas = spread_sigmas(survey.dead_reckoning, survey.anchor_pings, solution.sigmas)
         error = T[:, :2, 3] - survey.T_world_body[:, :2, 3]
         nees.append(np.mean((error[100:] / sigmas[100:, :2]) ** 2))
-    # constant heading deviation, scale and misalignment make the figure of a run a chi-square of few degrees of freedom,
-    # and the mean of ten good to a factor of two
+    # constant heading deviation, scale and misalignment make the figure of a run a chi-square of few degrees of
+    # freedom, and the mean of ten good to a factor of two
     assert 0.5 < np.mean(nees) < 2.0
 
 
