@@ -37,39 +37,41 @@ class ConsistencyConfig(BaseModel):
         default=0.999,
         gt=0,
         lt=1,
-        description="Share of pairs of true closures that pass as consistent; high, as one failure splits a set.",
+        description="Share of pairs of true closures [1] that pass as consistent; high, as one failure splits a set.",
     )
     stretch: int = Field(
         default=4,
         ge=1,
-        description="Closures fewer anchors apart at both ends share a vote, and maybe an error: two window lengths.",
+        description="Closures nearer at both ends [anchors] share a vote and maybe an error; two window lengths.",
     )
     repeat_vote: float = Field(
         default=0.1,
         ge=0,
         le=1,
-        description="Votes of a further closure between the same stretches; little that is new.",
+        description="Worth of a further closure between the same stretches [votes]; little in it is new.",
     )
     min_votes: int = Field(
         default=2,
         ge=1,
-        description="Independent closures that must agree before any is believed; 1 believes a single closure.",
+        description="Independent closures [votes] that must agree before any is believed; 1 believes a single one.",
     )
     max_odometry_scale: float = Field(
         default=4.0,
         ge=1,
-        description="Largest factor by which odometry may be worse than its model; beyond, the model is wrong.",
+        description="Largest factor [1] by which odometry may be worse than its model; beyond, the model is wrong.",
     )
     n_hypotheses: int = Field(
-        default=3, ge=1, description="Sets made at each scale of the odometry; the largest need not be the true one."
+        default=3,
+        ge=1,
+        description="Sets [1] made at each scale of the odometry; the largest need not be the true one",
     )
     max_closures: int = Field(
         default=200,
         ge=2,
-        description="Closures compared with one another; more are thinned, and the rest judged by those.",
+        description="Closures [1] compared with one another; more are thinned, and the rest judged by those.",
     )
     max_steps: int = Field(
-        default=20_000, ge=0, description="Vertices that a clique search may look at; exact up to some 50 closures."
+        default=20_000, ge=0, description="Vertices [1] that a clique search may look at; exact up to some 50 closures."
     )
 
 
@@ -104,14 +106,16 @@ def consistent_closures(closures: Innovations, config: ConsistencyConfig | None 
     consistent : ConsistentSet
         The set, empty when fewer than ``min_votes`` independent closures agree.
     """
-    config = config or ConsistencyConfig()
-    thinned = _thin(closures, config.max_closures)
-    best = _best_hypothesis(closures[thinned], config)
+    config, is_member = config or ConsistencyConfig(), np.zeros(len(closures), dtype=bool)
+    order = np.lexsort((closures.last, closures.first))  # so that the order in which they came does not matter
+    ordered, thinned = closures[order], _thin(len(closures), config.max_closures)
+    best = _best_hypothesis(ordered[thinned], config)
     if best is None:
-        return ConsistentSet(np.zeros(len(closures), dtype=bool), 1.0)
+        return ConsistentSet(is_member, 1.0)
     members, scale = best
     left_out = np.setdiff1d(np.arange(len(closures)), thinned)
-    return ConsistentSet(_with_agreeing(closures, thinned[members], left_out, scale), scale)
+    is_member[order] = _with_agreeing(ordered, thinned[members], left_out, scale)
+    return ConsistentSet(is_member, scale)
 
 
 def group_closures(first: IntArray, last: IntArray, stretch: int) -> IntArray:
@@ -170,12 +174,12 @@ def _best_hypothesis(closures: Innovations, config: ConsistencyConfig) -> tuple[
 
 def _polished(
     closures: Innovations, members: IntArray, scale: float, config: ConsistencyConfig
-) -> tuple[IntArray, float] | None:
+) -> tuple[IntArray, float]:
     """Fit the scale to the set and the set to the scale, in turns, while that explains more."""
     evidence = _vote_evidence(closures[members], scale, config)
     while True:
         scales = _scales(config)
-        better_scale = scales[int(np.argmax([_vote_evidence(closures[members], s, config) for s in scales]))]
+        better_scale = scales[int(np.argmax([_vote_evidence(closures[members], one, config) for one in scales]))]
         better = _refined(closures, members, better_scale, config)
         if count_votes(closures[better], config) < config.min_votes:
             break
@@ -239,9 +243,8 @@ def _with_agreeing(closures: Innovations, members: IntArray, others: IntArray, s
     return is_member
 
 
-def _thin(closures: Innovations, max_closures: int) -> IntArray:
-    """At most so many closures, evenly along the track."""
-    order = np.lexsort((closures.last, closures.first))
-    if len(order) <= max_closures:
-        return np.sort(order)
-    return np.sort(order[np.linspace(0, len(order) - 1, max_closures).astype(np.int64)])
+def _thin(n_closures: int, max_closures: int) -> IntArray:
+    """At most so many of the closures, evenly chosen."""
+    if n_closures <= max_closures:
+        return np.arange(n_closures)
+    return np.linspace(0, n_closures - 1, max_closures).astype(np.int64)

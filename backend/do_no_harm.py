@@ -21,12 +21,12 @@ class DoNoHarmConfig(BaseModel):
         default=0.9999,
         gt=0,
         lt=1,
-        description="Share of true closures whose residual is smaller than what is allowed; high, as there are many.",
+        description="Share of true closures [1] whose residual is smaller than what is allowed; high: there are many.",
     )
     max_correction: float = Field(
         default=3.0,
         gt=0,
-        description="Largest root mean square of what the closures correct, over its standard deviation; 1 by chance.",
+        description="Largest root mean square of what closures correct [standard deviations]; by chance it is 1.",
     )
 
 

@@ -30,7 +30,7 @@ class DeadReckoningConfig(BaseModel):
     velocity_scale_sd: float = Field(
         default=0.006,
         ge=0,
-        description="Relative error of the speed; 0.1 to 1 % for Doppler logs, mostly from sound speed.",
+        description="Relative error of the speed [1]; 0.1 to 1 % for Doppler logs, mostly from sound speed.",
     )
     velocity_misalignment_sd: float = Field(
         default=0.006,
@@ -51,7 +51,7 @@ class DeadReckoningConfig(BaseModel):
     unary_slack: float = Field(
         default=10.0,
         ge=1,
-        description="Depth and tilt of odometry are this much looser than measured [-]; each anchor holds its own.",
+        description="Depth and tilt of odometry are this much looser than measured [1]; each anchor holds its own.",
     )
 
 

@@ -30,7 +30,7 @@ class PoseGraphConfig(BaseModel):
         default=0.9999,
         gt=0,
         lt=1,
-        description="Share of true closures whose residual stays below the truncation of GNC-TLS; high: GNC cuts hard.",
+        description="Share of true closures [1] whose residual stays below the truncation of GNC-TLS, which cuts hard.",
     )
 
 

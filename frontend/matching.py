@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.spatial.distance import cdist
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.features import Features
@@ -102,7 +101,8 @@ def mutual_matches(target: Features, source: Features) -> IntArray:
     """
     if not len(target) or not len(source):
         return np.empty((0, 2), dtype=np.int64)
-    distance = cdist(target.descriptors, source.descriptors)
+    a, b = target.descriptors, source.descriptors
+    distance = np.sum(a**2, axis=1)[:, None] - 2 * a @ b.T + np.sum(b**2, axis=1)  # squared
     to_source, to_target = distance.argmin(axis=1), distance.argmin(axis=0)
     mutual = np.flatnonzero(to_target[to_source] == np.arange(len(target)))
     return np.column_stack([mutual, to_source[mutual]]).astype(np.int64)
@@ -194,8 +194,8 @@ def _counted(hypotheses: FloatArray, p: FloatArray, q: FloatArray, config: Match
     counts = np.zeros(len(hypotheses), dtype=np.int64)
     tolerances = np.array([config.tolerance, config.height_tolerance])
     _count(np.ascontiguousarray(hypotheses), np.ascontiguousarray(p), np.ascontiguousarray(q), tolerances, counts)
-    order = np.argsort(-counts, kind="stable")
-    return hypotheses[order[counts[order] >= config.min_inliers]]
+    enough = np.flatnonzero(counts >= config.min_inliers)
+    return hypotheses[enough[np.argsort(-counts[enough], kind="stable")]]
 
 
 def _distinct(hypotheses: FloatArray, config: MatchingConfig) -> list[FloatArray]:

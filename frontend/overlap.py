@@ -1,6 +1,7 @@
 """Two submaps laid over each other at a given transform: the cells that both know, sampled in pairs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -78,6 +79,16 @@ class Layers:
     rasters: FloatArray
     cells: FloatArray
     relief: Relief
+
+    @cached_property
+    def shape(self) -> FloatArray:
+        """Shape (n_y, n_x, 4): weight, relief and its slopes, which is all that alignment looks at."""
+        return np.ascontiguousarray(self.rasters[..., :4])
+
+    @cached_property
+    def shape_cells(self) -> FloatArray:
+        """Shape (K, 6): x, y, weight, relief and its slopes of the trusted cells."""
+        return np.ascontiguousarray(self.cells[:, :6])
 
 
 def stack_layers(relief: Relief) -> Layers:
@@ -166,7 +177,7 @@ def sample_rasters(
     """
     samples = np.zeros((len(positions), rasters.shape[2]))
     arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
-    _sample(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples)
+    sample(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples)
     return samples
 
 
@@ -192,7 +203,7 @@ def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> fl
 
 
 @numba.njit(cache=True)  # type: ignore[misc]
-def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
+def sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
     """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
     cosine, sine = np.cos(planar[2]), np.sin(planar[2])
     n_y, n_x, n_channels = rasters.shape

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.frames import planar_parameters, planar_pose
-from frontend.overlap import Layers, Overlap, lay_over
+from frontend.overlap import Layers, Overlap, lay_over, sample
 
 
 class RegistrationConfig(BaseModel):
@@ -51,6 +52,9 @@ class RegistrationConfig(BaseModel):
     gauge_tilt: float = Field(
         default=0.02, gt=0, description="Standard deviation of a window's tilt [rad], which echoes hardly fix."
     )
+
+
+_STILL, _STILL_TURN = 3e-3, 1e-4  # [m], [rad] of a step that ends the iteration: a thirtieth of the least sigma
 
 
 @dataclass(frozen=True)
@@ -108,9 +112,9 @@ def register(
     config = config or RegistrationConfig()
     planar = planar_parameters(T_target_source)
     for _ in range(config.n_iterations):
-        step = _step(lay_over(target, source, planar), planar[2], config)
+        step = _step(target, source, planar, config)
         planar = (planar[0] + step[0], planar[1] + step[1], planar[2] + step[2])
-        if np.hypot(step[0], step[1]) < 1e-3 and abs(step[2]) < 1e-4:
+        if np.hypot(step[0], step[1]) < _STILL and abs(step[2]) < _STILL_TURN:
             break
     overlap = lay_over(target, source, planar)
     offset, tilt, height_residual = _gauge(overlap, config)
@@ -135,17 +139,38 @@ def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
     return np.asarray(overlap.weight * np.maximum(1 - (residual / (config.tuning * scale)) ** 2, 0.0) ** 2)
 
 
-def _step(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
+def _step(target: Layers, source: Layers, planar: tuple[float, float, float], config: RegistrationConfig) -> FloatArray:
     """One Gauss-Newton step of x, y, yaw, shortened to its limits; zero where nothing fixes it."""
-    if len(overlap.x) < 3:
-        return np.zeros(3)
-    (J, _), weight = _jacobians(overlap, yaw), _weights(overlap, config)
-    H = J.T @ (weight[:, None] * J)
+    frame = np.array([*target.relief.origin, target.relief.spacing])
+    H, g = np.zeros((3, 3)), np.zeros(3)
+    _normal_equations(target.shape, source.shape_cells, frame, np.array(planar), config.tuning, H, g)
     if not np.linalg.cond(H) < 1e12:
         return np.zeros(3)
-    step = np.linalg.solve(H, J.T @ (weight * (overlap.z_source - overlap.z_target)))
+    step = np.linalg.solve(H, g)
     excess = max(float(np.hypot(step[0], step[1])) / config.max_step, abs(float(step[2])) / config.max_turn, 1.0)
     return np.asarray(step / excess)
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _normal_equations(rasters, cells, frame, planar, tuning, H, g):  # type: ignore[no-untyped-def]
+    """J^T W J and J^T W e of x, y, yaw; rasters and cells hold weight, relief and its slopes along x and y."""
+    samples = np.zeros((cells.shape[0], 4))
+    sample(rasters, cells, frame, planar, samples)
+    met = samples[:, 0] > 0
+    if met.sum() < 3:
+        return
+    error = cells[:, 3] - samples[:, 1]
+    scale = tuning * (1.4826 * np.median(np.abs(error[met])) + 1e-9)
+    cosine, sine, J = np.cos(planar[2]), np.sin(planar[2]), np.empty(3)
+    for k in np.flatnonzero(met & (np.abs(error) < scale)):
+        weight = samples[k, 0] * cells[k, 2] * (1 - (error[k] / scale) ** 2) ** 2
+        J[0], J[1] = samples[k, 2], samples[k, 3]
+        u, v = cosine * cells[k, 0] - sine * cells[k, 1], sine * cells[k, 0] + cosine * cells[k, 1]
+        J[2] = J[1] * u - J[0] * v
+        for i in range(3):
+            g[i] += weight * J[i] * error[k]
+            for j in range(3):
+                H[i, j] += weight * J[i] * J[j]
 
 
 def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
@@ -163,10 +188,10 @@ def _clustered(overlap: Overlap, yaw: float, config: RegistrationConfig) -> Floa
     H = J.T @ (weight[:, None] * J_source)
     H = (H + H.T) / 2
     values, block = np.linalg.eigvalsh(H), _blocks(overlap, config.block)
-    n_blocks = int(block.max()) + 1
+    n_blocks = int(np.count_nonzero(np.bincount(block)))
     if n_blocks <= 3 or not values[0] > 1e-12 * np.abs(values).max():
         return np.full(3, np.inf)
-    scores = np.zeros((n_blocks, 3))
+    scores = np.zeros((int(block.max()) + 1, 3))
     np.add.at(scores, block, J * (weight * (overlap.z_source - overlap.z_target))[:, None])
     inverse = np.linalg.inv(H)
     covariance = inverse @ (scores.T @ scores) @ inverse * n_blocks / (n_blocks - 3)
@@ -175,8 +200,8 @@ def _clustered(overlap: Overlap, yaw: float, config: RegistrationConfig) -> Floa
 
 def _blocks(overlap: Overlap, side: float) -> IntArray:
     """Number of the square that each source cell lies in, shape (K,)."""
-    cells = np.floor(np.column_stack([overlap.x, overlap.y]) / side)
-    return np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    column, row = (np.floor((a - a.min()) / side).astype(np.int64) for a in (overlap.x, overlap.y))
+    return np.asarray(row * (int(column.max()) + 1) + column)
 
 
 def _gauge(overlap: Overlap, config: RegistrationConfig) -> tuple[float, FloatArray, float]:

@@ -92,20 +92,19 @@ def propose(target: Relief, source: Relief, prior: Prior, config: SearchConfig |
     rows = []
     for t in turned:
         surface = correlate(target_spectra, spectra(t.z, t.weight, padded))
-        found = _poses(surface, t, target)
-        found = found[(found[:, 1] >= least) & (prior.squared_distance(*found[:, 2:].T) <= prior.limit)]
+        found = _poses(surface, t, target, least)
+        found = found[prior.squared_distance(*found[:, 2:].T) <= prior.limit]
         rows.append(np.column_stack([significance(found[:, 0], found[:, 1], area), found]))
     return _peaks(np.concatenate(rows), config)
 
 
-def _poses(surface: CorrelationSurface, turned: _Turned, target: Relief) -> FloatArray:
-    """Correlation, overlap [m^2], x, y [m] and yaw [rad] of every shift, shape (S, 5)."""
-    x = target.origin[0] - turned.origin[0] + target.spacing * surface.shift_x
-    y = target.origin[1] - turned.origin[1] + target.spacing * surface.shift_y
-    columns = np.broadcast_arrays(
-        surface.correlation, surface.overlap * target.spacing**2, x[None, :], y[:, None], turned.yaw
-    )
-    return np.stack(columns, axis=-1).reshape(-1, 5)
+def _poses(surface: CorrelationSurface, turned: _Turned, target: Relief, least: float) -> FloatArray:
+    """Correlation, overlap [m^2], x, y [m] and yaw [rad] of every shift that overlaps enough, shape (S, 5)."""
+    area = surface.overlap * target.spacing**2
+    i, j = np.nonzero(area >= least)
+    x = target.origin[0] - turned.origin[0] + target.spacing * surface.shift_x[j]
+    y = target.origin[1] - turned.origin[1] + target.spacing * surface.shift_y[i]
+    return np.column_stack([surface.correlation[i, j], area[i, j], x, y, np.full(len(i), turned.yaw)])
 
 
 def _offsets(reach: float, step: float) -> FloatArray:

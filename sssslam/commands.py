@@ -197,10 +197,11 @@ def evaluate(out: Path, reference: Path, terrain: Path | None) -> None:
         True heights; None takes those of the reference, if it has any.
     """
     from sssslam.products.grids import read_terrain
+    from sssslam.products.run import read_run
 
     truth = _read_truth(reference)
     if terrain is not None:
-        truth = Truth(truth.trajectory, read_terrain(terrain))
+        truth = Truth(truth.trajectory, read_terrain(terrain, read_run(out).crs))
     _judge(out, truth)
     out_console.print(f"report: {out / 'report.html'}")
 

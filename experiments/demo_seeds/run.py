@@ -22,7 +22,6 @@ def row(scene: str, seed: int) -> str:
     metrics = evaluate_tracks(result.trajectory, recording.trajectory_dr, truth)
     metrics += evaluate_loop_closures(result.loop_closures, anchor_time, truth)
     found = {metric.name: metric.value for metric in metrics}
-    ratio = found["ate"] / found["ate_dr"]
     closures = f"{found['closures_true']:.0f} | {found['closures_false']:.0f}"
     per_ping = 1e3 * seconds / recording.n_pings
     return (

@@ -2,9 +2,13 @@
 
 import json
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -42,10 +46,45 @@ def write_netcdf(recording: Recording, path: str | Path) -> None:
     ValueError
         If the file cannot be written.
     """
-    path = Path(path)
+    with _replaced(Path(path)) as temporary:
+        _write(recording, temporary, min(_CHUNK_PINGS, recording.n_pings), ())
+
+
+def write_netcdf_chunks(recordings: Iterable[Recording], path: str | Path) -> None:
+    """Write a dive to the open container piece by piece; it reads back as if written at once.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+        The pieces of the dive in the order of time, each with the sensors' answers from its own span; two are in
+        memory at a time. What is not one row a ping (source, notes, terrain) is the first one's.
+    path : str or Path
+        The file; one that exists is replaced once the new one is whole.
+
+    Raises
+    ------
+    ValueError
+        If there is no recording, one does not follow the one before it, or the file cannot be written.
+    """
+    with _replaced(Path(path)) as temporary:
+        previous = None
+        for recording in recordings:
+            if previous is None:
+                _write(recording, temporary, _CHUNK_PINGS, ("ping", "time"))
+            else:
+                _check_follows(previous, recording)
+                _append(recording, temporary)
+            previous = recording
+        if previous is None:
+            raise ValueError("no recording given, at least one wanted")
+
+
+@contextmanager
+def _replaced(path: Path) -> Iterator[Path]:
+    """A file to write that takes the path's place once it is whole."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        _write(recording, temporary)
+        yield temporary
         temporary.replace(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be written ({error.strerror or error})") from None
@@ -53,15 +92,61 @@ def write_netcdf(recording: Recording, path: str | Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _write(recording: Recording, path: Path) -> None:
-    """Write the root group and those of truth and sensors."""
-    chunks = (min(_CHUNK_PINGS, recording.n_pings), recording.n_samples)
+def _write(recording: Recording, path: Path, chunk: int, growing: tuple[str, ...]) -> None:
+    """Write the root group and those of truth and sensors; growing dimensions take more rows later."""
+    chunks = (chunk, recording.n_samples)
     encoding = {side: {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": chunks} for side in SIDES}
-    _root(recording).to_netcdf(path, mode="w", encoding=encoding, engine="netcdf4")
+    _group(_root(recording), path, None, growing, encoding)
     if recording.truth is not None:
-        _truth(recording.truth).to_netcdf(path, mode="a", group="truth", engine="netcdf4")
+        _group(_truth(recording.truth), path, "truth", growing, {})
     for name, series in sorted(recording.sensors.items()):
-        _sensor(series).to_netcdf(path, mode="a", group=f"sensors/{name}", engine="netcdf4")
+        _group(_sensor(series), path, f"sensors/{name}", growing, {})
+
+
+def _group(dataset: xr.Dataset, path: Path, group: str | None, growing: tuple[str, ...], encoding: Any) -> None:
+    unlimited = [name for name in growing if name in dataset.dims]
+    mode: Literal["w", "a"] = "w" if group is None else "a"
+    dataset.to_netcdf(path, mode, group=group, engine="netcdf4", encoding=encoding, unlimited_dims=unlimited)
+
+
+def _append(recording: Recording, path: Path) -> None:
+    """Add the rows of the next piece; a sensor that has not spoken before gets its group."""
+    with netCDF4.Dataset(path, "a") as file:
+        known = set(file.groups["sensors"].groups) if "sensors" in file.groups else set()
+        n_pings = len(file.dimensions["ping"])
+        _extend(file, _root(recording), n_pings)
+        if recording.truth is not None:
+            _extend(file["truth"], _truth(replace(recording.truth, terrain=None)), n_pings)
+        for name in sorted(known & set(recording.sensors)):
+            _check_later(file[f"sensors/{name}"], recording.sensors[name], name)
+            _extend(file[f"sensors/{name}"], _sensor(recording.sensors[name]), len(file[f"sensors/{name}/time"]))
+    for name in sorted(set(recording.sensors) - known):
+        _group(_sensor(recording.sensors[name]), path, f"sensors/{name}", ("time",), {})
+
+
+def _extend(group: netCDF4.Group, dataset: xr.Dataset, start: int) -> None:
+    for name, variable in dataset.variables.items():
+        group[str(name)][start : start + variable.shape[0]] = variable.to_numpy()
+
+
+def _check_follows(previous: Recording, recording: Recording) -> None:
+    """Refuse a piece of another recording, and one that does not come after the one before."""
+    given, wanted = (
+        (piece.n_samples, piece.sonar, piece.georeference, piece.truth is None) for piece in (recording, previous)
+    )
+    if given != wanted:
+        raise ValueError("pieces with different samples, sonar, place or truth given, pieces of one recording wanted")
+    start, end = float(recording.ping_time[0]), float(previous.ping_time[-1])
+    if start <= end:
+        raise ValueError(f"a piece that begins at {start} s after one that ends at {end} s given, a later one wanted")
+
+
+def _check_later(group: netCDF4.Group, series: dict[str, AnyArray], name: str) -> None:
+    """Refuse a sensor's answers that were written before, and series that are not the ones begun."""
+    if set(group.variables) != set(series):
+        raise ValueError(f"the {name}'s series {sorted(series)} given, {sorted(group.variables)} wanted as before")
+    if group["time"].size and series["time"].size and series["time"][0] <= group["time"][-1]:
+        raise ValueError(f"answers of the {name} at {series['time'][0]} s given again, only those of the piece wanted")
 
 
 def _variable(dimensions: tuple[str, ...], values: AnyArray, unit: str, long_name: str) -> xr.Variable:

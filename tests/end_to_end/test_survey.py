@@ -116,7 +116,7 @@ def test_resolved_config_of_a_run_gives_the_same_run(out, result):
     assert sssslam.load_config(out / "config.toml").model_dump(mode="json") == result.config
 
 
-def test_pings_as_they_come_correct_the_track_as_well(recording, result):
+def test_pings_as_they_come_correct_the_track_as_well(recording):
     live = sssslam.Slam()
     for first in range(0, recording.n_pings, 250):
         live.add(recording[first : first + 250])

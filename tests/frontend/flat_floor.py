@@ -1,4 +1,4 @@
-"""Echoes of a flat, level floor by the formula, with speckle of known looks: what bottom and radiometry have to find."""
+"""Echoes of a flat, level floor by the formula, with speckle of known looks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -18,6 +18,7 @@ from frontend.recording import Quantity, Recording, SonarGeometry, Truth
 from frontend.trajectory import Trajectory
 from sssslam.readers import netcdf_layout, read
 from sssslam.readers.netcdf import read_netcdf, write_netcdf
+from sssslam.readers.netcdf_writing import write_netcdf_chunks
 
 
 def assert_same(one: object, other: object) -> None:
@@ -182,6 +183,115 @@ def test_a_failure_leaves_the_old_file_and_no_part(tmp_path, monkeypatch):
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path):
     with pytest.raises(ValueError, match=r"a\.nc: cannot be written"):
         write_netcdf(_recording(), tmp_path / "none" / "a.nc")
+
+
+def _pieces(recording: Recording, *cuts: int) -> list[Recording]:
+    """A recording cut before some of its pings, its sensors' answers shared out by time."""
+    edges = [0, *cuts, recording.n_pings]
+    starts = [-np.inf, *recording.ping_time[list(cuts)], np.inf]
+    pieces = []
+    for k in range(len(edges) - 1):
+        heard = {}
+        for name, series in recording.sensors.items():
+            inside = (series["time"] >= starts[k]) & (series["time"] < starts[k + 1])
+            heard[name] = {key: values[inside] for key, values in series.items()}
+        pieces.append(replace(recording[edges[k] : edges[k + 1]], sensors=heard))
+    return pieces
+
+
+def _timed_recording(n: int = 700, m: int = 17) -> Recording:
+    """Longer than two of the container's chunks; its sensors speak while it runs."""
+    recording = _recording(n, m)
+    imu = {"time": recording.ping_time[0] + np.arange(900) * 0.05, "gyro": np.zeros((900, 3)) + np.arange(3)}
+    return replace(recording, sensors={**recording.sensors, "imu": imu})
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cuts=st.sets(st.integers(1, 699), max_size=4))
+def test_a_recording_written_in_pieces_comes_back_as_written_at_once(tmp_path, cuts):
+    recording = _timed_recording()
+    write_netcdf(recording, tmp_path / "once.nc")
+    write_netcdf_chunks(_pieces(recording, *sorted(cuts)), tmp_path / "pieces.nc")
+    assert_same(read_netcdf(tmp_path / "once.nc"), read_netcdf(tmp_path / "pieces.nc"))
+    assert_same(recording, read_netcdf(tmp_path / "pieces.nc"))
+
+
+@pytest.mark.parametrize("changes", [{"sensors": {}}, {"truth": None}, {"sonar": SonarGeometry()}])
+def test_a_barer_recording_in_pieces_comes_back(tmp_path, changes):
+    recording = replace(_timed_recording(), **changes)
+    write_netcdf_chunks(_pieces(recording, 1, 300), tmp_path / "a.nc")
+    assert_same(recording, read_netcdf(tmp_path / "a.nc"))
+
+
+def test_a_sensor_that_speaks_late_or_falls_silent_is_kept(tmp_path):
+    first, second, third = _pieces(_timed_recording(), 200, 400)
+    fix = {"time": second.ping_time[:2], "latitude": np.ones(2)}
+    pieces = [replace(first, sensors={}), replace(second, sensors={"gnss": fix}), replace(third, sensors={})]
+    write_netcdf_chunks(pieces, tmp_path / "a.nc")
+    assert_same({"gnss": fix}, read_netcdf(tmp_path / "a.nc").sensors)
+
+
+def test_the_same_pieces_make_the_same_bytes(tmp_path):
+    for name in ("a.nc", "b.nc"):
+        write_netcdf_chunks(_pieces(_timed_recording(), 256, 512), tmp_path / name)
+    assert _sha256(tmp_path / "a.nc") == _sha256(tmp_path / "b.nc")
+
+
+def test_pieces_say_units_and_names_as_a_whole_recording_does(tmp_path):
+    write_netcdf(_timed_recording(), tmp_path / "once.nc")
+    write_netcdf_chunks(_pieces(_timed_recording(), 300), tmp_path / "pieces.nc")
+    for group in (None, "truth", "sensors/imu"):
+        once, pieces = (xr.open_dataset(tmp_path / name, group=group) for name in ("once.nc", "pieces.nc"))
+        with once, pieces:
+            xr.testing.assert_identical(once, pieces)
+
+
+def _refusal(pieces, path: Path) -> str:
+    """What is said of pieces that cannot be joined; no file is left."""
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  the words are checked by the caller
+        write_netcdf_chunks(pieces, path)
+    assert list(path.parent.iterdir()) == []
+    return str(caught.value)
+
+
+def test_pieces_that_do_not_follow_each_other_are_refused(tmp_path):
+    first, second, third = _pieces(_timed_recording(), 200, 400)
+    path = tmp_path / "a.nc"
+    assert _refusal([], path) == "no recording given, at least one wanted"
+    assert "a later one wanted" in _refusal([first, third, second], path)
+    assert "a later one wanted" in _refusal([first, first], path)
+    for changes in ({"sonar": SonarGeometry(1e5)}, {"truth": None}, {"georeference": None}):
+        assert "pieces of one recording wanted" in _refusal([first, replace(second, **changes)], path)
+    narrow = replace(second, port=second.port[:, :-1], starboard=second.starboard[:, :-1])
+    assert "pieces of one recording wanted" in _refusal([first, narrow], path)
+
+
+def test_sensors_that_repeat_themselves_or_change_are_refused(tmp_path):
+    recording = _timed_recording()
+    assert "given again, only those of the piece wanted" in _refusal([recording[:200], recording[200:]], tmp_path / "a")
+    first, second = _pieces(recording, 200)
+    other = replace(second, sensors={"imu": {"time": second.ping_time}})
+    assert "the imu's series ['time'] given, ['gyro', 'time'] wanted as before" in _refusal(
+        [first, other], tmp_path / "a"
+    )
+
+
+def test_a_failure_between_pieces_leaves_the_old_file_and_no_part(tmp_path):
+    def interrupted():
+        yield _pieces(_timed_recording(), 200)[0]
+        raise KeyboardInterrupt
+
+    path = tmp_path / "a.nc"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        write_netcdf_chunks(interrupted(), path)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_pieces_at_a_place_that_cannot_be_written_are_one_line(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.nc: cannot be written"):
+        write_netcdf_chunks([_recording()], tmp_path / "none" / "a.nc")
 
 
 @pytest.fixture

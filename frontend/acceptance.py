@@ -1,0 +1,116 @@
+"""Acceptance: whether a verified alignment is a loop closure, and if not, why."""
+
+from enum import StrEnum
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from frontend.chance import expected_by_chance, joint_chance
+from frontend.priors import Prior
+from frontend.verification import Verification
+
+
+class Rejection(StrEnum):
+    """Why a candidate is no loop closure."""
+
+    FLAT = "the relief is too faint against its uncertainty"
+    NO_ALIGNMENT = "no alignment inside the gate overlaps enough"
+    OUTSIDE_GATE = "the alignment left the gate of the dead reckoning"
+    LITTLE_OVERLAP = "the overlap is too small"
+    LOW_CORRELATION = "the heights correlate too little"
+    BY_CHANCE = "the correlation may be chance"
+    AMBIGUOUS = "another alignment is nearly as good"
+    HEIGHTS_DISAGREE = "the heights differ by more than their uncertainty"
+    LOOSE = "the alignment is not fixed in every direction"
+
+
+class AcceptanceConfig(BaseModel):
+    """What is accepted."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    min_overlap: float = Field(
+        default=0.25,
+        gt=0,
+        le=1,
+        description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
+    )
+    min_correlation: float = Field(
+        default=0.2,
+        gt=0,
+        lt=1,
+        description="Least correlation of the heights [1]: below, even a sure one aligns badly.",
+    )
+    max_chance: float = Field(
+        default=1e-5,
+        gt=0,
+        lt=1,
+        description="Largest chance that unrelated floors align as well inside the gate [1 a pair].",
+    )
+    min_lead: float = Field(
+        default=1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
+    )
+    min_information: float = Field(
+        default=0.1,
+        ge=0,
+        description="Least root-mean-square relief over the height sigma [1]; below, floor is too flat to recognise.",
+    )
+    max_height_residual: float = Field(
+        default=4.0,
+        gt=0,
+        description="Largest height difference [its standard deviations, root mean square]; sigmas are rough.",
+    )
+    max_sigma: float = Field(
+        default=2.0, gt=0, description="Largest standard deviation of x and y [m]: a ridge fixes one of them only."
+    )
+
+
+def decide(verification: Verification, runner_up: float, prior: Prior, config: AcceptanceConfig) -> Rejection | None:
+    """Accept a verified alignment, or say why not.
+
+    Parameters
+    ----------
+    verification : Verification
+        The best alignment of a pair.
+    runner_up : float
+        Significance of the best alignment elsewhere [standard deviations].
+    prior : Prior
+        Predicted transform with covariance.
+    config : AcceptanceConfig
+        Thresholds.
+
+    Returns
+    -------
+    rejection : Rejection or None
+        The first rule that is broken; None to accept.
+    """
+    v = verification
+    broken = {
+        Rejection.OUTSIDE_GATE: not prior.admits(v.T_target_source),
+        Rejection.LITTLE_OVERLAP: v.overlap < config.min_overlap,
+        Rejection.LOW_CORRELATION: v.correlation < config.min_correlation,
+        Rejection.BY_CHANCE: chance_of(v, prior) > config.max_chance,
+        Rejection.AMBIGUOUS: v.significance - runner_up < config.min_lead,
+        Rejection.HEIGHTS_DISAGREE: not v.height_residual <= config.max_height_residual,
+        Rejection.LOOSE: not max(v.sigmas[3], v.sigmas[4]) <= config.max_sigma,
+    }
+    return next((rejection for rejection, is_broken in broken.items() if is_broken), None)
+
+
+def chance_of(verification: Verification, prior: Prior) -> float:
+    """Chance that unrelated floors align as well as verified, their reflectivity heard as a second witness.
+
+    Parameters
+    ----------
+    verification : Verification
+        The best alignment of a pair.
+    prior : Prior
+        The gate that was searched.
+
+    Returns
+    -------
+    chance : float
+        A probability where it is small.
+    """
+    v = verification
+    by_shape = expected_by_chance(v.significance, v.overlap_area, v.correlation_area, prior)
+    return joint_chance(by_shape, v.reflectivity_significance)

@@ -1,0 +1,138 @@
+"""Radiometry of echoes drawn with known looks, noise, beam pattern and range law over a flat floor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frontend.bottom import BottomConfig, find_bottom
+from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry, refine, to_intensity
+from frontend.recording import Quantity, Recording
+from tests.frontend.flat_floor import FlatFloor, fan
+
+# 9 to 15 m of altitude: angle and range are told apart only where altitude changes
+WAVY = FlatFloor(12.0 + 3.0 * np.sin(np.arange(400) / 60))
+
+
+def estimate(recording: Recording) -> Radiometry:
+    return estimate_radiometry(recording, find_bottom(recording, BottomConfig()), RadiometryConfig())
+
+
+def as_amplitude(recording: Recording) -> Recording:
+    return replace(recording, port=np.sqrt(recording.port), starboard=np.sqrt(recording.starboard))
+
+
+def knots(tables: Tables) -> np.ndarray:
+    return np.asarray(tables.angle_first + tables.angle_step * np.arange(tables.log_beam.shape[1]))
+
+
+def test_numbers_become_intensities() -> None:
+    values = np.array([0.0, 3.0, 20.0], dtype=np.float32)
+    np.testing.assert_array_equal(to_intensity(values, Quantity.INTENSITY), [0, 3, 20])
+    np.testing.assert_array_equal(to_intensity(values, Quantity.AMPLITUDE), [0, 9, 400])
+    np.testing.assert_allclose(to_intensity(values, Quantity.LOG), [1, 10**0.3, 100])
+    assert to_intensity(values, Quantity.INTENSITY).dtype == np.float64
+
+
+@pytest.mark.parametrize("looks", [1.0, 2.0, 4.0, 16.0])
+def test_looks_of_gamma_speckle_are_found(looks: float) -> None:
+    recording = replace(WAVY, looks=looks).record(np.random.default_rng(1), Quantity.INTENSITY)
+    # 30 000 differences of means of eight: 1 %, and the range law inside eight samples
+    assert estimate(recording).looks == pytest.approx(looks, rel=0.05)
+
+
+def test_amplitude_and_intensity_of_single_looks_are_told_apart() -> None:
+    intensity = WAVY.record(np.random.default_rng(2))
+    assert estimate(intensity).quantity == Quantity.INTENSITY
+    amplitude = estimate(as_amplitude(intensity))
+    assert amplitude.quantity == Quantity.AMPLITUDE
+    assert amplitude.looks == pytest.approx(1.0, rel=0.05)
+
+
+def test_what_the_sonar_says_is_not_guessed() -> None:
+    amplitude = as_amplitude(WAVY.record(np.random.default_rng(3), Quantity.INTENSITY))
+    assert estimate(amplitude).quantity == Quantity.INTENSITY
+
+
+def test_the_noise_floor_is_the_mean_of_the_water_column_of_each_side() -> None:
+    recording = WAVY.record(np.random.default_rng(4), Quantity.INTENSITY)
+    # leaving out what is above six medians takes 7 % of exponential speckle
+    np.testing.assert_allclose(estimate(recording).tables.noise, [2.0, 1.0], rtol=0.1)
+
+
+def test_fish_do_not_raise_the_noise_floor() -> None:
+    recording = WAVY.record(np.random.default_rng(5), Quantity.INTENSITY)
+    port = recording.port.copy()
+    port[::7, 90:120] += 1e5
+    assert estimate(replace(recording, port=port)).tables.noise[0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_silent_water_column_has_a_floor_above_zero() -> None:
+    tables = estimate(replace(WAVY, noise=(0.0, 0.0)).record(np.random.default_rng(6), Quantity.INTENSITY)).tables
+    assert (tables.noise > 0).all()
+    assert (tables.noise < 1e-3).all()
+
+
+@pytest.mark.parametrize("power", [2.0, 3.0, 4.0])
+def test_beam_pattern_and_range_law_of_a_flat_floor_are_recovered(power: float) -> None:
+    floor = replace(WAVY, power=power, strength=1e5 * 30.0**power)
+    tables = estimate(floor.record(np.random.default_rng(7), Quantity.INTENSITY)).tables
+    fall = np.diff(tables.log_range[[40, 200]]) / np.diff(np.log(np.array([40, 200]) * tables.range_step))
+    assert fall[0] == pytest.approx(-power, abs=0.11)  # one step of the search
+    angle = knots(tables)
+    seen = (angle > 0.35) & (angle < 1.2)
+    error = np.stack([tables.log_beam[side] - fan(side, angle) for side in (0, 1)])[:, seen]
+    # what of the level is pattern and what range law is a matter of units, the same for both sides;
+    # 0.1 is half a decibel: speckle, and the smoothing over knots of two degrees
+    np.testing.assert_allclose(error - error.mean(), 0.0, atol=0.1)
+
+
+def test_roll_and_pitch_do_not_bend_the_beam_pattern() -> None:
+    level = estimate(WAVY.record(np.random.default_rng(8), Quantity.INTENSITY)).tables
+    tilted = replace(WAVY, roll=0.15, pitch=0.1).record(np.random.default_rng(9), Quantity.INTENSITY)
+    tables = estimate(replace(tilted, altitude=WAVY.altitude)).tables
+    seen = (knots(level) > 0.6) & (knots(level) < 1.1)
+    difference = (tables.log_beam - level.log_beam)[:, seen]
+    np.testing.assert_allclose(difference - difference.mean(), 0.0, atol=0.15)  # speckle of two estimates
+
+
+def flat_tables(n_knots: int = 61) -> Tables:
+    return Tables(np.zeros((2, n_knots)), -0.5, 0.035, np.zeros(260), 0.25, np.zeros(2), 2.0)
+
+
+def test_refining_moves_the_pattern_to_where_measured_and_modelled_agree() -> None:
+    tables = flat_tables()
+    angle = np.tile(np.linspace(-0.4, 1.5, 3000), (2, 1))
+    modelled = np.ones_like(angle)
+    measured = np.stack([np.exp(0.3 + 0.2 * angle[0]), np.full(3000, 0.5)])
+    refined = refine(tables, angle, measured, modelled, 30.0)
+    inside = (knots(tables) > -0.3) & (knots(tables) < 1.4)
+    # a straight line has no second difference; the rest is the weak pull to a level one
+    np.testing.assert_allclose(refined.log_beam[0][inside], (0.3 + 0.2 * knots(tables))[inside], atol=0.01)
+    np.testing.assert_allclose(refined.log_beam[1][inside], np.log(0.5), atol=1e-3)
+    np.testing.assert_array_equal(tables.log_beam, 0.0)
+
+
+def test_agreement_changes_nothing() -> None:
+    angle = np.tile(np.linspace(0.0, 1.4, 500), (2, 1))
+    energy = np.random.default_rng(1).uniform(1, 2, angle.shape)
+    np.testing.assert_allclose(refine(flat_tables(), angle, energy, energy, 30.0).log_beam, 0.0, atol=1e-12)
+
+
+def test_angles_nothing_is_seen_at_continue_their_neighbours() -> None:
+    angle = np.tile(np.linspace(0.5, 1.0, 500), (2, 1))
+    angle[:, ::5] = np.nan
+    refined = refine(flat_tables(), angle, np.full(angle.shape, 2.0), np.ones(angle.shape), 30.0)
+    np.testing.assert_allclose(refined.log_beam, np.log(2.0), atol=1e-3)
+
+
+def test_angles_beyond_the_table_count_at_its_ends() -> None:
+    angle = np.tile([-9.0, 9.0], (2, 1))
+    refined = refine(flat_tables(), angle, np.full((2, 2), np.e), np.ones((2, 2)), 30.0)
+    # the weak pull to a level line shows between two far ends
+    np.testing.assert_allclose(refined.log_beam, 1.0, atol=1e-3)
+
+
+def test_a_side_that_saw_nothing_keeps_its_pattern() -> None:
+    angle, nothing = np.full((2, 50), np.nan), np.zeros((2, 50))
+    np.testing.assert_array_equal(refine(flat_tables(), angle, nothing, nothing, 30.0).log_beam, 0.0)
