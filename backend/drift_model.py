@@ -8,7 +8,7 @@ from backend.poses import sandwich
 
 
 class DeadReckoningConfig(BaseModel):
-    """Errors of the vehicle's sensors; defaults between a tactical FOG and a MEMS compass, with a Doppler log."""
+    """Errors of the vehicle's sensors; defaults for a MEMS compass with a Doppler log, as nobody says better."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -18,24 +18,24 @@ class DeadReckoningConfig(BaseModel):
         description="Constant heading error [rad]; 1 deg, a swung compass. It turns the whole track: gauge.",
     )
     heading_walk: float = Field(
-        default=1.2e-3,
+        default=2.0e-3,
         gt=0,
-        description="Heading random walk [rad/sqrt(s)]; 4 deg/sqrt(h): tactical 0.1 to 0.5, MEMS 6.",
+        description="Heading random walk [rad/sqrt(s)]; 7 deg/sqrt(h), a MEMS gyro; tactical 0.1 to 0.5.",
     )
     heading_deviation_sd: float = Field(
-        default=0.012,
+        default=0.02,
         ge=0,
-        description="Heading error with the cosine and with the sine of the heading [rad]; 0.7 deg, iron on board.",
+        description="Heading error with the cosine and with the sine of the heading [rad]; 1.1 deg, iron on board.",
     )
     velocity_scale_sd: float = Field(
-        default=0.006,
+        default=0.01,
         ge=0,
         description="Relative error of the speed [1]; 0.1 to 1 % for Doppler logs, mostly from sound speed.",
     )
     velocity_misalignment_sd: float = Field(
-        default=0.006,
+        default=0.01,
         ge=0,
-        description="Turn of the velocity against the heading sensor [rad]; 0.3 deg, careful mounting.",
+        description="Turn of the velocity against the heading sensor [rad]; 0.6 deg, usual mounting.",
     )
     velocity_noise: float = Field(
         default=0.02, gt=0, description="White velocity noise [m/s/sqrt(Hz)]; 2 cm/s at 1 Hz, a 600 kHz Doppler log."

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.spatial.distance import cdist
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.features import Features
@@ -101,8 +102,7 @@ def mutual_matches(target: Features, source: Features) -> IntArray:
     """
     if not len(target) or not len(source):
         return np.empty((0, 2), dtype=np.int64)
-    a, b = target.descriptors, source.descriptors
-    distance = np.sum(a**2, axis=1)[:, None] - 2 * a @ b.T + np.sum(b**2, axis=1)  # squared
+    distance = cdist(target.descriptors, source.descriptors, "sqeuclidean")
     to_source, to_target = distance.argmin(axis=1), distance.argmin(axis=0)
     mutual = np.flatnonzero(to_target[to_source] == np.arange(len(target)))
     return np.column_stack([mutual, to_source[mutual]]).astype(np.int64)

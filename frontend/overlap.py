@@ -197,9 +197,9 @@ def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> fl
     total = float(weight.sum())
     if not total > 0:
         return 0.0
-    a, b = a - weight @ a / total, b - weight @ b / total
-    scale = float(np.sqrt((weight @ a**2) * (weight @ b**2)))
-    return float(np.clip(weight @ (a * b) / scale, -1.0, 1.0)) if scale > 1e-12 * total else 0.0
+    a, b = a - np.sum(weight * a) / total, b - np.sum(weight * b) / total
+    scale = float(np.sqrt(np.sum(weight * a**2) * np.sum(weight * b**2)))
+    return float(np.clip(np.sum(weight * a * b) / scale, -1.0, 1.0)) if scale > 1e-12 * total else 0.0
 
 
 @numba.njit(cache=True)  # type: ignore[misc]

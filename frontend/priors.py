@@ -79,7 +79,7 @@ class Prior:
         """
         x_0, y_0, yaw_0 = self.planar
         error = np.stack(np.broadcast_arrays(x - x_0, y - y_0, wrap_angle(np.asarray(yaw) - yaw_0)), axis=-1)
-        return np.asarray(np.sum(error @ np.linalg.inv(self.planar_covariance) * error, axis=-1))
+        return np.asarray(np.einsum("...i,ij,...j", error, np.linalg.inv(self.planar_covariance), error))
 
     def admits(self, T_target_source: FloatArray) -> bool:
         """Whether a transform lies inside the gate.

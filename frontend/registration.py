@@ -125,11 +125,12 @@ def register(
 def _jacobians(overlap: Overlap, yaw: float) -> tuple[FloatArray, FloatArray]:
     """Derivatives by x, y, yaw of both reliefs at the source cells, each shape (K, 3)."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[cosine, sine], [-sine, cosine]])  # turns row vectors
-    place = np.column_stack([overlap.x, overlap.y]) @ turn
-    slopes = (overlap.slope_target, overlap.slope_source @ turn)
-    target, source = (np.column_stack([s, s[:, 1] * place[:, 0] - s[:, 0] * place[:, 1]]) for s in slopes)
-    return target, source
+    u, v = cosine * overlap.x - sine * overlap.y, sine * overlap.x + cosine * overlap.y
+    s_x, s_y = overlap.slope_source.T
+    source = np.column_stack([cosine * s_x - sine * s_y, sine * s_x + cosine * s_y])
+    target = overlap.slope_target
+    columns = [np.column_stack([s, s[:, 1] * u - s[:, 0] * v]) for s in (target, source)]
+    return columns[0], columns[1]
 
 
 def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
@@ -185,7 +186,7 @@ def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatAr
 def _clustered(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
     """Standard deviations of x, y, yaw when errors are independent between blocks only, shape (3,)."""
     (J, J_source), weight = _jacobians(overlap, yaw), _weights(overlap, config)
-    H = J.T @ (weight[:, None] * J_source)
+    H = np.einsum("k,ki,kj", weight, J, J_source)
     H = (H + H.T) / 2
     values, block = np.linalg.eigvalsh(H), _blocks(overlap, config.block)
     n_blocks = int(np.count_nonzero(np.bincount(block)))
@@ -211,6 +212,7 @@ def _gauge(overlap: Overlap, config: RegistrationConfig) -> tuple[float, FloatAr
     A = np.column_stack([np.ones_like(overlap.x), overlap.x, overlap.y])
     difference, weight = overlap.height_target - overlap.height_source, 1 / np.maximum(overlap.sigma, 1e-3) ** 2
     prior = np.diag([0.0, 1.0, 1.0]) / (2 * config.gauge_tilt**2)
-    offset, *tilt = np.linalg.solve(A.T @ (weight[:, None] * A) + prior, A.T @ (weight * difference))
-    left = difference - A @ [offset, *tilt]
+    normal, right = np.einsum("k,ki,kj", weight, A, A), np.einsum("k,ki,k", weight, A, difference)
+    offset, *tilt = np.linalg.solve(normal + prior, right)
+    left = difference - np.einsum("ki,i", A, [offset, *tilt])
     return float(offset), np.array(tilt), float(np.sqrt(np.mean(weight * left**2)))

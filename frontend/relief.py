@@ -42,6 +42,7 @@ class ReliefConfig(BaseModel):
 
 # A Gaussian of standard deviation s passes exp(-(2 pi s / wavelength)^2 / 2); half at wavelength = s / _HALF.
 _HALF = np.sqrt(2 * np.log(2)) / (2 * np.pi)
+_ROUNDING = 1e-6  # [m] of relief that is none
 _LONGEST_LAG = 20.0  # [m] beyond which an autocorrelation of one submap is mostly chance
 
 
@@ -267,4 +268,6 @@ def _support(known: BoolArray, sigma: float) -> FloatArray:
 def _clipped(z: FloatArray, trusted: BoolArray, limit: float) -> FloatArray:
     """The trusted relief with its outliers drawn in to ``limit`` robust standard deviations, 0 elsewhere."""
     scale = 1.4826 * float(np.median(np.abs(z[trusted]))) if trusted.any() else 0.0
+    if scale < _ROUNDING:
+        return np.zeros_like(z)
     return np.asarray(np.where(trusted, np.clip(z, -limit * scale, limit * scale), 0.0))

@@ -128,8 +128,8 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
     seed : int or None
         Another seed than the scene's.
     """
-    from sssslam.readers.netcdf import write_netcdf
-    from sssslam.simulation import load_scene, simulate, simulate_chunks, with_seed, write_xtf
+    from sssslam.readers.netcdf_writing import write_netcdf_chunks
+    from sssslam.simulation import load_scene, simulate_chunks, with_seed, write_xtf
 
     _check_file(out, (".nc", ".xtf"))
     chosen = load_scene(scene)
@@ -138,7 +138,7 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
         if out.suffix == ".xtf":
             write_xtf(simulate_chunks(chosen), out, chosen.recorder.sample_type)
         else:
-            write_netcdf(simulate(chosen), out)
+            write_netcdf_chunks(simulate_chunks(chosen), out)
     out_console.print(f"{out}: {chosen.description}", markup=False)
 
 

@@ -1,5 +1,6 @@
 """How much faster than real time the 400 kHz preset is simulated. Usage: speed.py."""
 
+import os
 import time
 
 import numpy as np
@@ -29,6 +30,7 @@ def main() -> None:
     sonar, n_pings = dive.scene.sonar, dive.time.size
     print(f"{n_pings} pings, 2 x {sonar.n_samples} samples, {sonar.n_sub_beams} rays a side, {dive_time:.0f} s of dive")
     print(f"echoes: {wall:.2f} s wall, {dive_time / wall:.0f} x real time; {cpu:.2f} s of processor")
+    print(f"other work on the machine: load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     print(f"{1e3 * cpu / n_pings:.2f} ms of processor a ping: {2 * dive_time / cpu:.0f} x on two idle cores")
 
 

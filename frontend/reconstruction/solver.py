@@ -108,7 +108,7 @@ def solve(equations: NormalEquations, right: FloatArray, config: SolverConfig) -
     z = equations.precondition(residual)
     direction, energy = z.copy(), float((residual * z).sum())
     start = energy
-    for _ in range(config.n_products):
+    for _ in range(config.n_products if start > 0 else 0):
         product = equations.multiply(direction)
         length = energy / float((direction * product).sum())
         x += length * direction

@@ -86,8 +86,8 @@ def _replaced(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(path)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be written ({error.strerror or error})") from None
+    except (OSError, RuntimeError) as error:  # the latter from HDF5, on a full disk
+        raise ValueError(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -124,7 +124,7 @@ def _append(recording: Recording, path: Path) -> None:
         _group(_sensor(recording.sensors[name]), path, f"sensors/{name}", ("time",), {})
 
 
-def _extend(group: netCDF4.Group, dataset: xr.Dataset, start: int) -> None:
+def _extend(group: netCDF4.Group | netCDF4.Dataset, dataset: xr.Dataset, start: int) -> None:
     for name, variable in dataset.variables.items():
         group[str(name)][start : start + variable.shape[0]] = variable.to_numpy()
 

@@ -14,7 +14,7 @@ def dead_reckon(sensors: dict[str, Series], time: FloatArray, start: tuple[float
     Parameters
     ----------
     sensors : dict of str to dict of str to ndarray
-        Series of compass, depth, and dvl or speed_log, as `sensors.sense` gives them.
+        Series of compass or directional_gyro, depth, and dvl or speed_log, as `sensors.sense` gives them.
     time : ndarray, shape (N,)
         When the track is wanted [s].
     start : tuple of float
@@ -27,17 +27,18 @@ def dead_reckon(sensors: dict[str, Series], time: FloatArray, start: tuple[float
     """
     ticks, velocity = _body_velocity(sensors)
     edges = np.concatenate([[0.0], ticks])
-    roll, pitch, yaw = _attitude(sensors["compass"], 0.5 * (edges[1:] + edges[:-1]))
+    attitude = sensors["compass" if "compass" in sensors else "directional_gyro"]
+    roll, pitch, yaw = _attitude(attitude, 0.5 * (edges[1:] + edges[:-1]))
     step = (rotation_world_body(roll, pitch, yaw) @ velocity[..., None])[..., 0] * np.diff(edges)[:, None]
     track = np.concatenate([[start], start + np.cumsum(step[:, :2], axis=0)])
     x, y = (np.interp(time, edges, axis) for axis in track.T)
     depth = np.interp(time, sensors["depth"]["time"], sensors["depth"]["depth"])
-    roll, pitch, yaw = _attitude(sensors["compass"], time)
+    roll, pitch, yaw = _attitude(attitude, time)
     return Trajectory(time, x, y, -depth, roll, pitch, wrap_angle(yaw))
 
 
-def _attitude(compass: Series, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    roll, pitch, yaw = (np.interp(time, compass["time"], np.unwrap(compass[n])) for n in ("roll", "pitch", "yaw"))
+def _attitude(series: Series, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    roll, pitch, yaw = (np.interp(time, series["time"], np.unwrap(series[n])) for n in ("roll", "pitch", "yaw"))
     return roll, pitch, yaw
 
 

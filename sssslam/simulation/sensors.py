@@ -1,15 +1,17 @@
 """What the vehicle's sensors report, each on its own clock."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from frontend.arrays import FloatArray
 from frontend.frames import rotation_world_body, wrap_angle
 from frontend.georeference import Georeference
 from frontend.heightfield import Heightfield
 from sssslam.simulation.altimeter import beam_ranges, measured_altitude
+from sssslam.simulation.directional_gyro import integrated_heading
 from sssslam.simulation.drift import Drift, DriftConfig
 from sssslam.simulation.vehicle import Motion
 
@@ -24,7 +26,9 @@ class SensorsConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     imu_rate: float = Field(default=20.0, ge=0, description="Inertial samples a second [1/s]; 0: none on board.")
-    compass_rate: float = Field(default=10.0, gt=0, description="Attitude and heading samples a second [1/s].")
+    compass_rate: float = Field(
+        default=10.0, ge=0, description="Attitude and heading samples a second [1/s]; 0: no compass, gyro alone."
+    )
     dvl_rate: float = Field(
         default=5.0, ge=0, description="Velocity samples a second [1/s]; 0: no DVL, speed log alone."
     )
@@ -36,6 +40,12 @@ class SensorsConfig(BaseModel):
     dvl_range_max: float = Field(default=90.0, gt=0, description="Longest beam with a bottom [m]; a 600 kHz DVL.")
     dropouts: float = Field(default=0.0, ge=0, description="Losses of bottom lock an hour [1/h].")
     dropout_length: float = Field(default=20.0, gt=0, description="Mean length of a loss [s].")
+
+    @model_validator(mode="after")
+    def _heading_from_somewhere(self) -> Self:
+        if self.compass_rate == 0 and self.imu_rate == 0:
+            raise ValueError("a compass_rate and an imu_rate of 0 given, one of them wanted: nothing tells the heading")
+        return self
 
 
 @dataclass(frozen=True)
@@ -68,13 +78,16 @@ def sense(platform: Platform, config: SensorsConfig, rng: np.random.Generator) -
     """
     rngs = dict(zip(("imu", "compass", "dvl", "depth", "altimeter", "gnss"), rng.spawn(6), strict=True))
     sensors = {
-        "compass": _compass(platform, config, rngs["compass"]),
         "depth": _depth(platform, config, rngs["depth"]),
         "altimeter": _altimeter(platform, config, rngs["altimeter"]),
         "gnss": _gnss(platform, config, rngs["gnss"]),
     }
     if config.imu_rate > 0:
         sensors["imu"] = _imu(platform, config, rngs["imu"])
+    if config.compass_rate > 0:
+        sensors["compass"] = _compass(platform, config, rngs["compass"])
+    else:
+        sensors["directional_gyro"] = _directional_gyro(platform, sensors["imu"], rngs["compass"])
     if config.dvl_rate > 0:
         sensors["dvl"] = _dvl(platform, config, rngs["dvl"])
     else:
@@ -94,6 +107,16 @@ def _compass(platform: Platform, config: SensorsConfig, rng: np.random.Generator
     noise = np.radians(platform.errors.attitude_noise_deg) * rng.standard_normal((time.size, 2))
     yaw = wrap_angle(true.yaw + platform.drift.heading_error(time, true.yaw))
     return {"time": time, "roll": true.roll + noise[:, 0], "pitch": true.pitch + noise[:, 1], "yaw": yaw}
+
+
+def _directional_gyro(platform: Platform, imu: Series, rng: np.random.Generator) -> Series:
+    """Attitude by inclinometers, heading by the gyro alone; aligned as well as a compass knows the heading."""
+    true = platform.motion.trajectory(imu["time"])
+    noise = np.radians(platform.errors.attitude_noise_deg) * rng.standard_normal((imu["time"].size, 2))
+    level = np.stack([true.roll, true.pitch], axis=-1) + noise
+    aligned, earth_rate = float(true.yaw[0]) + platform.drift.heading_bias, _earth_rate(platform.georeference)[2]
+    yaw = integrated_heading(imu, level, aligned, float(earth_rate))
+    return {"time": imu["time"], "roll": level[:, 0], "pitch": level[:, 1], "yaw": yaw}
 
 
 def _depth(platform: Platform, config: SensorsConfig, rng: np.random.Generator) -> Series:

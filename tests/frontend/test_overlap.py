@@ -54,8 +54,8 @@ def test_the_kernel_is_its_own_python_function():
     rng = np.random.default_rng(0)
     rasters, cells, frame = rng.uniform(0, 1, (7, 6, 3)), rng.uniform(0, 6, (30, 2)), np.array([0.5, 0.25, 1.0])
     planar, compiled, plain = np.array([0.2, 0.4, 0.3]), np.zeros((30, 3)), np.zeros((30, 3))
-    module._sample(rasters, cells, frame, planar, compiled)
-    getattr(module._sample, "py_func", module._sample)(rasters, cells, frame, planar, plain)
+    module.sample(rasters, cells, frame, planar, compiled)
+    getattr(module.sample, "py_func", module.sample)(rasters, cells, frame, planar, plain)
     assert compiled == pytest.approx(plain, abs=1e-14)
 
 
@@ -83,8 +83,8 @@ def test_pairs_of_samples_are_of_the_same_place():
 def test_slopes_are_those_of_the_target():
     z = 0.2 * np.arange(20.0)[None, :] - 0.1 * np.arange(20.0)[:, None]
     overlap = lay_over(layers_of(z), layers_of(np.zeros((4, 4))), (8.0, 8.0, 0.5))
-    assert overlap.slope_x == pytest.approx(0.2)
-    assert overlap.slope_y == pytest.approx(-0.1)
+    assert overlap.slope_target == pytest.approx(np.broadcast_to([0.2, -0.1], (16, 2)))
+    assert overlap.slope_source == pytest.approx(np.zeros((16, 2)))
 
 
 def test_the_share_is_that_of_the_smaller_submap():

@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frontend import registration as module
 from frontend.frames import invert, planar_parameters, planar_pose
-from frontend.overlap import stack_layers
+from frontend.overlap import lay_over, stack_layers
 from frontend.registration import RegistrationConfig, register
-from frontend.relief import extract_relief
+from frontend.relief import Relief, extract_relief
 from tests.frontend.seafloor_scenes import Seafloor, cut_submap, rough_seafloor
 
 TARGET = (150.0, 150.0, 0.4)
@@ -50,8 +51,9 @@ def test_errors_are_as_large_as_the_sigmas_say():
         x, y, yaw = planar_parameters(registration.T_target_source)
         error = np.array([x - 5.0, y - 8.0, np.angle(np.exp(1j * (yaw - relative[2])))])
         squares.append(np.mean((error / registration.sigmas[[3, 4, 2]]) ** 2))
-    # chi-square of 48 degrees of freedom over 48 lies within 0.53 and 1.65 with 99.8 %; the floors make it smaller
-    assert 0.2 < np.mean(squares) < 1.65
+    # chi-square of 48 degrees of freedom over 48 lies within 0.5 and 1.7 with 99.8 %; the sigmas are made twice as
+    # large for the drift inside windows of real dives, which these passes lack, and have floors
+    assert 0.1 < np.mean(squares) < 1.7 / RegistrationConfig().sigma_factor ** 2 * 2
 
 
 def test_noise_makes_the_sigmas_grow():
@@ -64,13 +66,39 @@ def test_noise_makes_the_sigmas_grow():
 
 
 def test_a_valley_fixes_the_place_across_but_not_along():
+    """Ridges along the world's x, seen by two passes along x: nothing says how far along."""
     rng = np.random.default_rng(0)
-    profile = rough_seafloor(rng).z[150]
-    valley = Seafloor(np.tile(profile, (300, 1)), np.zeros((300, 300)))
-    a, b = two_passes(3, (4.0, 6.0, 0.0), error=0.03, seafloor=valley)
+    ridges = Seafloor(np.tile(rough_seafloor(rng).z[:, 150:151], (1, 300)), np.zeros((300, 300)))
+    a, b = (cut_submap(ridges, pose, rng, error=0.02) for pose in ((150.0, 150.0, 0.0), (154.0, 156.0, 0.0)))
     sigmas = register(layers_of(a), layers_of(b), planar_pose(4.0, 6.0, 0.0)).sigmas
-    along, across = np.array([-np.sin(-0.4), np.cos(-0.4)]), np.array([np.cos(-0.4), np.sin(-0.4)])
-    assert np.hypot(*(along * sigmas[3:5])) > 2 * np.hypot(*(across * sigmas[3:5])) or sigmas[3:5].max() > 0.4
+    assert sigmas[3] > 5 * sigmas[4]
+
+
+def test_the_normal_equations_are_those_of_numpy():
+    relative = (5.0, 8.0, 0.8)
+    a, b = (layers_of(s) for s in two_passes(2, relative))
+    overlap = lay_over(a, b, relative)
+    (J, _), weight = module._jacobians(overlap, 0.8), module._weights(overlap, RegistrationConfig())
+    H, g = np.zeros((3, 3)), np.zeros(3)
+    frame = np.array([*a.relief.origin, a.relief.spacing])
+    module._normal_equations(a.shape, b.shape_cells, frame, np.array(relative), RegistrationConfig().tuning, H, g)
+    assert pytest.approx(J.T @ (weight[:, None] * J), rel=1e-9) == H
+    assert pytest.approx(J.T @ (weight * (overlap.z_source - overlap.z_target)), rel=1e-9) == g
+
+
+def test_the_jacobian_is_the_change_of_the_target_with_the_pose():
+    """On a tilted plane the bilinear samples are exact, so differences over a step are the derivative."""
+    z, ones = np.add.outer(0.1 * np.arange(30.0), 0.2 * np.arange(30.0)), np.ones((30, 30))
+    plane = Relief(z, ones, z, z, ones, 1.0, (0.0, 0.0))
+    a, b, pose, step = stack_layers(plane), stack_layers(plane), np.array([3.0, -2.0, 0.1]), 1e-6
+    overlap = lay_over(a, b, tuple(pose))
+    (J, _) = module._jacobians(overlap, pose[2])
+    for k in range(3):
+        moved = lay_over(a, b, tuple(pose + step * np.eye(3)[k]))
+        assert len(moved.x) == len(overlap.x)
+        assert (moved.z_target - overlap.z_target) / step == pytest.approx(
+            J[:, k], abs=1e-5
+        )  # second order: half a step
 
 
 def test_offset_and_tilt_between_the_heights_are_found():
@@ -86,7 +114,9 @@ def test_offset_and_tilt_between_the_heights_are_found():
 
 def test_heights_in_error_by_their_sigmas_leave_a_residual_of_one():
     a, b = two_passes(5, (5.0, 5.0, np.pi), error=0.1)
-    assert register(layers_of(a), layers_of(b), planar_pose(5.0, 5.0, np.pi)).height_residual == pytest.approx(1, abs=0.3)
+    assert register(layers_of(a), layers_of(b), planar_pose(5.0, 5.0, np.pi)).height_residual == pytest.approx(
+        1, abs=0.3
+    )
 
 
 def test_another_place_leaves_a_larger_residual():

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,7 @@ def test_peaks_lie_inside_the_gate_apart_and_in_order():
     places = np.array([peak.T_target_source[:2, 3] for peak in peaks])
     assert len(peaks) == 5
     assert all(prior.admits(peak.T_target_source) for peak in peaks)
-    assert all(a.significance >= b.significance for a, b in zip(peaks, peaks[1:], strict=False))
+    assert all(a.significance >= b.significance for a, b in pairwise(peaks))
     apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
     assert apart[np.triu_indices(5, 1)].min() > 8.0
 

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -98,7 +100,7 @@ def test_windows_cover_every_ping_in_order_and_hold_their_anchor(steps, length, 
     windows = sliding_windows(track, 1.0, WindowConfig(length=length, overlap=overlap, n_edge_pings=0))
     assert [window.number for window in windows] == list(range(len(windows)))
     assert all(w.first_ping <= w.anchor_ping < w.end_ping for w in windows)
-    assert all(a.first_ping <= b.first_ping and a.end_ping <= b.end_ping for a, b in zip(windows, windows[1:], strict=False))
+    assert all(a.first_ping <= b.first_ping and a.end_ping <= b.end_ping for a, b in pairwise(windows))
     covered = np.zeros(len(track), dtype=bool)
     for window in windows:
         covered[window.pings] = True

@@ -1,44 +1,33 @@
 """The forward model and its adjoint."""
 
+import numba
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 from frontend.frames import rotation_world_body
-from frontend.radiometry import Tables
-from frontend.reconstruction.forward import Beams, Bins, Raster, coverage, linearise, pull_back, render
+from frontend.reconstruction.forward import (
+    ROW_LENGTH,
+    Beams,
+    Bins,
+    Raster,
+    angles,
+    coverage,
+    linearise,
+    pull_back,
+    render,
+)
+from tests.frontend.reconstruction.small_window import make_scene, make_tables
 
 
-def make_tables() -> Tables:
-    angle = -0.5 + 0.035 * np.arange(61)
-    log_beam = np.stack([-((angle - 1.0) ** 2) / 0.5, -((angle - 0.9) ** 2) / 0.4])
-    knots = np.maximum(np.arange(260) * 0.25, 0.5)
-    return Tables(log_beam, -0.5, 0.035, -3 * np.log(knots), 0.25, np.array([1e-7, 2e-7]), 2.0)
-
-
-def make_scene(pitch: float = 0.0, relief: float = 0.5):
-    rng = np.random.default_rng(3)
-    raster = Raster(70, 30, 1.0, (-5.0, -35.0))
-    z = -12.0 + relief * gaussian_filter(rng.standard_normal(raster.shape), 2) * 5
-    rho = 0.2 * gaussian_filter(rng.standard_normal(raster.shape), 2) * 5
-    n = 6
-    rotation = rotation_world_body(rng.normal(0, 0.08, n), np.full(n, pitch), rng.normal(0, 0.1, n))
-    sensor = np.repeat(np.stack([np.linspace(2, 18, n), np.zeros(n), np.zeros(n)], axis=1)[:, None], 2, axis=1)
-    side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
-    beams = Beams(sensor, rotation[:, :, 0], side, rotation[:, :, 2])
-    bins = Bins(np.ones((n, 2, 60)), np.ones((n, 2, 60)), np.full((2, 60), 1e-7), 0.5)
-    return z, rho, raster, beams, bins
-
-
-def test_adjoint_equals_finite_differences():
+def test_adjoint_equals_finite_differences() -> None:
     z, rho, raster, beams, bins = make_scene()
     tables = make_tables()
     rng = np.random.default_rng(1)
     weight = rng.standard_normal(bins.intensity.shape) / render(z, rho, raster, beams, tables, bins)
     by_height, by_rho = pull_back(z, rho, raster, beams, tables, bins, weight)
 
-    def cost(dz, drho):
-        return (weight * render(z + dz, rho + drho, raster, beams, tables, bins)).sum()
+    def cost(dz: np.ndarray, drho: np.ndarray) -> float:
+        return float((weight * render(z + dz, rho + drho, raster, beams, tables, bins)).sum())
 
     # away from cells where the step changes what is seen, central differences are exact to their own rounding
     step, relative = 1e-6, []
@@ -55,7 +44,7 @@ def test_adjoint_equals_finite_differences():
     assert np.quantile(relative, 0.8) < 1e-6
 
 
-def test_jacobian_rows_are_the_adjoint_bin_by_bin():
+def test_jacobian_rows_are_the_adjoint_bin_by_bin() -> None:
     z, rho, raster, beams, bins = make_scene(pitch=0.1)
     tables = make_tables()
     mu = render(z, rho, raster, beams, tables, bins)
@@ -72,7 +61,7 @@ def test_jacobian_rows_are_the_adjoint_bin_by_bin():
         np.testing.assert_allclose(dense[1], by_rho.ravel(), rtol=1e-4, atol=1e-5)
 
 
-def test_water_column_holds_only_the_noise_floor():
+def test_water_column_holds_only_the_noise_floor() -> None:
     z, rho, raster, beams, bins = make_scene(relief=0.0)
     mu = render(np.full_like(z, -12.0), rho, raster, beams, make_tables(), bins)
     # the first echo comes from 12 m below and is shared with the bin before
@@ -80,11 +69,13 @@ def test_water_column_holds_only_the_noise_floor():
     assert (mu[:, 0, int(12 / 0.5) + 1] > 1e-6).all()
 
 
-def test_energy_of_a_flat_floor_matches_the_integral():
+def test_energy_of_a_flat_floor_matches_the_integral() -> None:
     raster = Raster(140, 30, 1.0, (-5.0, -70.0))
     z, rho = np.full(raster.shape, -12.0), np.zeros(raster.shape)
     eye = np.eye(3)[None]
-    beams = Beams(np.array([[[10.3, 0.2, 0.0]] * 2]), eye[:, :, 0], np.stack([eye[:, :, 1], -eye[:, :, 1]], 1), eye[:, :, 2])
+    beams = Beams(
+        np.array([[[10.3, 0.2, 0.0]] * 2]), eye[:, :, 0], np.stack([eye[:, :, 1], -eye[:, :, 1]], 1), eye[:, :, 2]
+    )
     bins = Bins(np.ones((1, 2, 100)), np.ones((1, 2, 100)), np.full((2, 100), 1e-7), 0.5)
     tables = make_tables()
     mu = render(z, rho, raster, beams, tables, bins)
@@ -96,16 +87,113 @@ def test_energy_of_a_flat_floor_matches_the_integral():
     assert mu[0, 0, 58:63].mean() == pytest.approx(exact[0] + 1e-7, rel=0.03)
 
 
-def test_a_wall_casts_a_shadow_as_long_as_the_ray_over_its_crest_says():
+def test_a_wall_casts_a_shadow_as_long_as_the_ray_over_its_crest_says() -> None:
     raster = Raster(140, 30, 0.5, (-5.0, -35.0))
     z = np.full(raster.shape, -12.0)
     y = raster.origin[1] + raster.spacing * np.arange(raster.n_y)
     z[(y >= 14.9) & (y <= 15.6)] = -10.0
     eye = np.eye(3)[None]
-    beams = Beams(np.array([[[3.2, 0.0, 0.0]] * 2]), eye[:, :, 0], np.stack([eye[:, :, 1], -eye[:, :, 1]], 1), eye[:, :, 2])
+    beams = Beams(
+        np.array([[[3.2, 0.0, 0.0]] * 2]), eye[:, :, 0], np.stack([eye[:, :, 1], -eye[:, :, 1]], 1), eye[:, :, 2]
+    )
     passed, seen = coverage(z, raster, beams, 30.0)
     column = passed.any(axis=0).argmax()
     shadow = y[(passed & ~seen)[:, column] & (y > 0)]
     # the ray over the rear edge (15.5, -10) reaches -12 at 15.5 * 12 / 10 = 18.6 m; a cell seen in part counts as seen
     assert 18.6 - 0.75 <= shadow.max() <= 18.6
     assert shadow.min() == pytest.approx(16.0, abs=0.5)
+
+
+def one_line(z: float = 0.0, roll: float = 0.0) -> Beams:
+    """One line at (3.2, 0, z) that heads along x."""
+    rotation = rotation_world_body([roll], [0.0], [0.0])
+    side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
+    return Beams(np.array([[[3.2, 0.0, z]] * 2]), rotation[:, :, 0], side, rotation[:, :, 2])
+
+
+def flat(n_bins: int = 80) -> tuple[np.ndarray, np.ndarray, Raster, Bins]:
+    """A floor 12 m below, and empty bins."""
+    raster = Raster(140, 30, 0.5, (-5.0, -35.0))
+    bins = Bins(np.ones((1, 2, n_bins)), np.ones((1, 2, n_bins)), np.full((2, n_bins), 1e-7), 0.4)
+    return np.full(raster.shape, -12.0), np.zeros(raster.shape), raster, bins
+
+
+def test_what_lies_to_port_is_heard_on_port() -> None:
+    z, rho, raster, bins = flat()
+    rho[raster.origin[1] + raster.spacing * np.arange(raster.n_y) > 0] += 1.0  # y > 0 is port of a line along x
+    plain = render(z, np.zeros_like(rho), raster, one_line(), make_tables(), bins)
+    bright = render(z, rho, raster, one_line(), make_tables(), bins)
+    far = slice(40, 70)
+    np.testing.assert_allclose((bright[:, 0] - 1e-7)[:, far], np.e * (plain[:, 0] - 1e-7)[:, far])
+    np.testing.assert_array_equal(bright[:, 1, far], plain[:, 1, far])
+
+
+def test_roll_moves_the_beam_and_not_the_echo() -> None:
+    z, _rho, raster, bins = flat()
+    level, rolled = (angles(z, raster, one_line(roll=roll), bins) for roll in (0.0, 0.1))
+    # starboard down turns the body's nadir towards port
+    np.testing.assert_allclose(rolled[:, 0, 40:], level[:, 0, 40:] - 0.1)
+    np.testing.assert_allclose(rolled[:, 1, 40:], level[:, 1, 40:] + 0.1)
+
+
+def test_angles_over_a_flat_floor_are_those_of_the_triangle() -> None:
+    z, _, raster, bins = flat()
+    angle = angles(z, raster, one_line(), bins)
+    middle = (np.arange(80) + 0.5) * 0.4
+    # a bin of 0.4 m holds three samples; far out they differ by a hundredth of a radian
+    np.testing.assert_allclose(angle[0, :, 40:75], np.broadcast_to(np.arccos(12 / middle[40:75]), (2, 35)), atol=0.01)
+    assert np.isnan(angle[0, :, :29]).all()
+
+
+def test_a_higher_floor_echoes_earlier() -> None:
+    z, rho, raster, bins = flat()
+    first = [
+        (render(z + up, rho, raster, one_line(), make_tables(), bins)[0, 0] > 2e-7).argmax() * bins.width
+        for up in (0.0, 2.0)
+    ]
+    assert first[0] - first[1] == pytest.approx(2.0, abs=bins.width)
+
+
+def test_doubled_reflectivity_is_doubled_energy() -> None:
+    z, rho, raster, beams, bins = make_scene()
+    once = render(z, rho, raster, beams, make_tables(), bins) - 1e-7
+    twice = render(z, rho + np.log(2), raster, beams, make_tables(), bins) - 1e-7
+    np.testing.assert_allclose(twice, 2 * once, rtol=1e-9, atol=1e-20)
+
+
+def test_rows_are_never_longer_than_their_room() -> None:
+    z, rho, raster, beams, _bins = make_scene(relief=2.0)
+    wide = Bins(np.ones((6, 2, 4)), np.ones((6, 2, 4)), np.full((2, 4), 1e-7), 8.0)
+    mu = render(z, rho, raster, beams, make_tables(), wide)
+    rows = linearise(z, rho, raster, beams, make_tables(), wide, mu)
+    assert rows.n_cells.max() == ROW_LENGTH
+    filled = np.arange(ROW_LENGTH) < rows.n_cells[..., None]
+    assert np.isfinite(rows.by_height[filled]).all()
+    assert ((rows.cell[filled] >= 0) & (rows.cell[filled] < raster.n_cells)).all()
+
+
+def test_a_line_that_starts_off_the_raster_sees_nothing() -> None:
+    z, rho, raster, bins = flat()
+    away = one_line()
+    away.sensor[..., 0] += 100.0
+    np.testing.assert_array_equal(render(z, rho, raster, away, make_tables(), bins), 1e-7)
+    passed, seen = coverage(z, raster, away, 30.0)
+    assert not passed.any()
+    assert not seen.any()
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only: set NUMBA_NUM_THREADS to 2 or more")
+def test_one_thread_and_two_give_the_same_bytes() -> None:
+    z, rho, raster, beams, bins = make_scene(pitch=0.1)
+    tables, before = make_tables(), numba.get_num_threads()
+    found = []
+    for n_threads in (1, 2):
+        numba.set_num_threads(n_threads)
+        mu = render(z, rho, raster, beams, tables, bins)
+        rows = linearise(z, rho, raster, beams, tables, bins, mu)
+        back = pull_back(z, rho, raster, beams, tables, bins, 1 / mu)
+        filled = np.arange(ROW_LENGTH) < rows.n_cells[..., None]
+        arrays = (mu, *back, rows.n_cells, rows.cell[filled], rows.by_height[filled], rows.by_reflectivity[filled])
+        found.append([array.tobytes() for array in arrays])
+    numba.set_num_threads(before)
+    assert found[0] == found[1]

@@ -1,6 +1,7 @@
 """The open container: what goes in comes out, to the bit, and twice the same bytes."""
 
 import hashlib
+import resource
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
@@ -292,6 +293,24 @@ def test_a_failure_between_pieces_leaves_the_old_file_and_no_part(tmp_path):
 def test_pieces_at_a_place_that_cannot_be_written_are_one_line(tmp_path):
     with pytest.raises(ValueError, match=r"a\.nc: cannot be written"):
         write_netcdf_chunks([_recording()], tmp_path / "none" / "a.nc")
+
+
+@pytest.fixture
+def full_disk():
+    """No file grows beyond 60 kB."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_one_line_and_leaves_no_part(tmp_path):
+    path = tmp_path / "a.nc"
+    assert "a.nc: cannot be written" in _refusal(_pieces(_timed_recording(), 256, 512), path)
+    with pytest.raises(ValueError, match=r"a\.nc: cannot be written"):
+        write_netcdf(_timed_recording(), path)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from frontend.georeference import Georeference
 from frontend.heightfield import Heightfield
 from frontend.trajectory import Trajectory
 from sssslam.simulation.dead_reckoning import dead_reckon
+from sssslam.simulation.directional_gyro import integrated_heading
 from sssslam.simulation.drift import Drift, DriftConfig, draw_drift
 from sssslam.simulation.sensors import Platform, SensorsConfig, Series, sense
 from sssslam.simulation.survey import Legs
@@ -219,6 +220,98 @@ def test_turning_shows_on_the_upright_gyro() -> None:
     motion = _motion(((-60.0, 0.0, 60.0, 0.0), (60.0, 80.0, -60.0, 80.0)), bank=0.0)
     imu = _sensors(motion, imu_rate=20.0)["imu"]
     assert np.trapezoid(imu["angular_rate_z"], imu["time"]) == pytest.approx(np.pi, abs=0.02)
+
+
+def test_a_gyro_of_ten_degrees_an_hour_errs_by_471_metres_in_an_hour() -> None:
+    time = np.arange(0.0, 3600.5, 0.5)
+    still, even = np.zeros(time.size), np.ones(time.size)
+    bias = np.radians(10.0 / 3600)
+    imu = {"time": time, "angular_rate_x": still, "angular_rate_y": still, "angular_rate_z": bias * even}
+    yaw = integrated_heading(imu, np.zeros((time.size, 2)), 0.0, 0.0)
+    sensors = {
+        "directional_gyro": {"time": time, "roll": still, "pitch": still, "yaw": yaw},
+        "depth": {"time": time, "depth": still},
+        "speed_log": {"time": time[1:], "speed": 1.5 * even[1:]},
+    }
+    reckoned = dead_reckon(sensors, time, (0.0, 0.0))
+    # An arc of radius v / g: y = v / g (1 - cos g T); v g T^2 / 2 = 471 m is its first term, 0.25 % more.
+    assert reckoned.y[-1] == pytest.approx(1.5 / bias * (1 - np.cos(bias * 3600.0)), rel=1e-6)
+    assert reckoned.y[-1] == pytest.approx(471.0, rel=3e-3)
+
+
+def test_without_a_compass_a_gyro_bias_errs_with_the_square_of_time() -> None:
+    motion = _motion()
+    errors = DriftConfig.model_validate({"gyro_bias_deg": 10.0})
+    sensors = _sensors(motion, errors=errors, imu_rate=20.0, compass_rate=0.0)
+    assert "compass" not in sensors
+    truth, reckoned = _reckoned(motion, sensors)
+    bias = sensors["imu"]["angular_rate_z"].mean()
+    assert abs(bias) > np.radians(1.0 / 3600)
+    for k in (truth.time.size // 2, -1):
+        # v g T^2 / 2; the cubic term is (g T)^2 / 12, below a ten-thousandth.
+        assert reckoned.y[k] == pytest.approx(0.5 * 2.0 * bias * truth.time[k] ** 2, rel=2e-3)
+
+
+def test_with_a_compass_a_gyro_bias_costs_nothing() -> None:
+    motion = _motion()
+    errors = DriftConfig.model_validate({"gyro_bias_deg": 10.0})
+    _, reckoned = _reckoned(motion, _sensors(motion, errors=errors, imu_rate=20.0))
+    assert reckoned.y[-1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_gyro_aligned_wrongly_turns_the_track_about_its_start() -> None:
+    motion = _motion()
+    drift = _drift(heading_bias=np.radians(1.0))
+    truth, reckoned = _reckoned(motion, _sensors(motion, drift, imu_rate=20.0, compass_rate=0.0))
+    # As with a compass: D sin e across the track, D (1 - cos e) along it, and the bias stays what it was.
+    assert reckoned.y[-1] == pytest.approx(truth.distance[-1] * np.sin(np.radians(1.0)), rel=1e-3)
+    assert truth.x[-1] - reckoned.x[-1] == pytest.approx(truth.distance[-1] * (1 - np.cos(np.radians(1.0))), rel=0.01)
+    assert reckoned.yaw[-1] == pytest.approx(np.radians(1.0), abs=1e-6)
+
+
+def test_a_perfect_gyro_reckons_the_true_track_through_waves_and_turns() -> None:
+    motion = _motion(((-100.0, 0.0, 100.0, 0.0), (100.0, 50.0, -100.0, 50.0)), **ORDINARY, trim_deg=5.0)
+    truth, reckoned = _reckoned(motion, _sensors(motion, imu_rate=20.0, compass_rate=0.0))
+    # The trapezoid over 1/20 s costs 1e-4 rad in a turn: centimetres over 200 m.
+    np.testing.assert_allclose(np.sin(reckoned.yaw - truth.yaw), 0.0, atol=5e-4)
+    np.testing.assert_allclose(reckoned.x, truth.x, atol=0.1)
+    np.testing.assert_allclose(reckoned.y, truth.y, atol=0.1)
+
+
+def test_the_turning_earth_turns_no_level_gyro() -> None:
+    motion = _motion()
+    sensors = _sensors(motion, place=Georeference(48.0, -4.5), imu_rate=20.0, compass_rate=0.0)
+    _, reckoned = _reckoned(motion, sensors)
+    # Left in, 11 deg/h would cost 13 m.
+    assert reckoned.y[-1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_white_gyro_noise_walks_the_heading_with_the_root_of_time() -> None:
+    time, density = np.arange(0.0, 100.05, 0.05), np.radians(0.5 / 60)
+    still, rng = np.zeros(time.size), np.random.default_rng(0)
+    ends = []
+    for _ in range(400):
+        rate = density * np.sqrt(20.0) * rng.standard_normal(time.size)
+        imu = {"time": time, "angular_rate_x": still, "angular_rate_y": still, "angular_rate_z": rate}
+        ends.append(integrated_heading(imu, np.zeros((time.size, 2)), 0.0, 0.0)[-1])
+    # 400 draws: 3.5 %.
+    assert np.std(ends) == pytest.approx(density * np.sqrt(100.0), rel=0.12)
+
+
+def test_biases_of_gyros_and_accelerometers_are_drawn_with_their_deviations() -> None:
+    motion = _motion(((-10.0, 0.0, 10.0, 0.0),))
+    perfect = _sensors(motion, imu_rate=2.0)["imu"]
+    errors = DriftConfig.model_validate({"gyro_bias_deg": 10.0, "accelerometer_bias": 0.05})
+    drawn = [_sensors(motion, errors=errors, seed=seed, imu_rate=2.0)["imu"] for seed in range(60)]
+    for name, deviation in (("angular_rate", np.radians(10.0 / 3600)), ("specific_force", 0.05)):
+        biases = [(imu[f"{name}_{k}"] - perfect[f"{name}_{k}"]).mean() for imu in drawn for k in "xyz"]
+        # 180 draws: 5.3 %.
+        assert np.std(biases) == pytest.approx(deviation, rel=0.18)
+
+
+def test_a_vehicle_that_nothing_tells_its_heading_is_refused() -> None:
+    with pytest.raises(ValueError, match="a compass_rate and an imu_rate of 0 given, one of them wanted"):
+        SensorsConfig.model_validate({"compass_rate": 0.0, "imu_rate": 0.0})
 
 
 def test_fixes_come_at_the_surface_only() -> None:

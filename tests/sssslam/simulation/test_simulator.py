@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from frontend.recording import Quantity, Recording
+from sssslam.readers.netcdf import read_netcdf, write_netcdf
+from sssslam.readers.netcdf_writing import write_netcdf_chunks
 from sssslam.simulation import Scene, load_scene, simulate, simulate_chunks, with_seed
 from sssslam.simulation.simulator import EPOCH, ping_times
 
@@ -95,6 +97,25 @@ def test_a_dive_in_pieces_is_the_dive_at_once(recording: Recording, n_pings: int
     for sensor, series in recording.sensors.items():
         joined = np.concatenate([piece.sensors[sensor]["time"] for piece in pieces])
         np.testing.assert_array_equal(joined, series["time"])
+
+
+def test_a_dive_written_in_pieces_reads_back_as_the_dive_at_once(recording: Recording, tmp_path: Path) -> None:
+    write_netcdf(recording, tmp_path / "once.nc")
+    write_netcdf_chunks(simulate_chunks(_scene(), 17), tmp_path / "pieces.nc")
+    once, pieces = (read_netcdf(tmp_path / name) for name in ("once.nc", "pieces.nc"))
+    assert _same(once, recording)
+    assert _same(pieces, recording)
+    assert pieces.sensors.keys() == recording.sensors.keys()
+    assert (pieces.sonar, pieces.source, pieces.source_sha256) == (once.sonar, once.source, once.source_sha256)
+    assert once.truth is not None
+    assert pieces.truth is not None
+    np.testing.assert_array_equal(pieces.truth.terrain.z, once.truth.terrain.z)  # type: ignore[union-attr]
+    np.testing.assert_array_equal(pieces.truth.trajectory.positions, once.truth.trajectory.positions)
+
+
+def test_a_dive_without_a_compass_keeps_its_gyro_in_the_container(tmp_path: Path) -> None:
+    write_netcdf_chunks(simulate_chunks(_scene(sensors={"compass_rate": 0.0}), 17), tmp_path / "dive.nc")
+    assert set(read_netcdf(tmp_path / "dive.nc").sensors) == {"altimeter", "depth", "directional_gyro", "dvl", "imu"}
 
 
 def test_echoes_kept_in_files_are_the_same(recording: Recording, tmp_path: Path) -> None:
