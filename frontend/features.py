@@ -41,14 +41,12 @@ class FeatureConfig(BaseModel):
         description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins.",
     )
     max_relative_sigma: float = Field(
-        default=2.0,
-        gt=0,
-        description="Points whose height sigma exceeds this many times the submap's median are left out.",
+        default=2.0, gt=0, description="Points whose height sigma exceeds this many medians [1] of the submap are left out."
     )
     min_points: int = Field(
         default=50,
         gt=0,
-        description="Trusted cells [1] below which a submap has no features: less than one neighbourhood.",
+        description="Usable cells [1] below which a submap has no features: less than one neighbourhood.",
     )
 
 
@@ -90,7 +88,8 @@ def describe(submap: Submap, config: FeatureConfig | None = None) -> Features:
         Keypoints in the order of the raster's rows; none where too little is known. Shadowed and uncertain points take
         no part. Deterministic, whatever the number of threads.
     """
-    return describe_relief(extract_relief(submap, ReliefConfig()), config)
+    config = config or FeatureConfig()
+    return describe_relief(extract_relief(submap, config.relief), config)
 
 
 def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Features:
@@ -109,7 +108,7 @@ def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Feat
         As `describe` gives them.
     """
     config = config or FeatureConfig()
-    usable = _usable(relief, config)
+    usable = _usable(relief, config.max_relative_sigma)
     if usable.sum() < config.min_points:
         return Features(np.empty((0, 3)), np.empty((0, N_BINS)), np.empty((0, 3)))
     surface = Heightfield(np.where(usable, config.exaggeration * relief.z, np.nan), relief.spacing, relief.origin)
@@ -146,12 +145,12 @@ def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArra
     return np.asarray(crest | hollow)
 
 
-def _usable(relief: Relief, config: FeatureConfig) -> BoolArray:
-    """Trusted cells whose height is known about as well as that of the others."""
+def _usable(relief: Relief, max_relative_sigma: float) -> BoolArray:
+    """Trusted cells whose height is no much worse known than that of most."""
     if not relief.is_trusted.any():
         return relief.is_trusted
-    median = float(np.median(relief.sigma[relief.is_trusted]))
-    return np.asarray(relief.is_trusted & (relief.sigma <= config.max_relative_sigma * median))
+    limit = max_relative_sigma * float(np.median(relief.sigma[relief.is_trusted]))
+    return np.asarray(relief.is_trusted & (relief.sigma <= limit))
 
 
 def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:

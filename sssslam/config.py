@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from backend.consistency import ConsistencyConfig
 from backend.dead_reckoning import DeadReckoningConfig
+from backend.do_no_harm import DoNoHarmConfig
 from backend.pose_graph import PoseGraphConfig
 from frontend.bottom import BottomConfig
 from frontend.features import FeatureConfig
@@ -36,6 +37,7 @@ class Config(BaseModel):
     dead_reckoning: DeadReckoningConfig = DeadReckoningConfig()
     consistency: ConsistencyConfig = ConsistencyConfig()
     pose_graph: PoseGraphConfig = PoseGraphConfig()
+    do_no_harm: DoNoHarmConfig = DoNoHarmConfig()
     seed: int = Field(default=0, ge=0, description="Seed of every random draw [1].")
 
 

@@ -290,7 +290,7 @@ def solve_graph(
     """
     anchors = anchor_pings(submaps)
     T_world_body_dr = np.stack([submap.T_world_submap_dr @ submap.T_submap_body for submap in submaps])
-    graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency)
+    graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency, config.do_no_harm)
     graph.add_first_pose(FIRST_POSE_SIGMAS)
     settings = config.dead_reckoning
     for k in range(len(submaps)):
@@ -352,12 +352,9 @@ def decided(closures: Sequence[LoopClosure], solution: PoseGraphSolution) -> lis
     closures : list of LoopClosure
         Those that do not hold the graph are no longer accepted, with a reason.
     """
-    holds = iter(solution.is_inlier)
-    reason = "it disagrees with the other closures or stands alone"
-    return [
-        replace(closure, accepted=False, reason=reason) if closure.accepted and not next(holds) else closure
-        for closure in closures
-    ]
+    reasons = iter(solution.reasons)
+    judged = ((closure, next(reasons) if closure.accepted else "") for closure in closures)
+    return [replace(closure, accepted=False, reason=reason) if reason else closure for closure, reason in judged]
 
 
 def anchor_pings(submaps: Sequence[Submap]) -> IntArray:

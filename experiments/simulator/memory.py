@@ -14,7 +14,7 @@ LEG = 1100.0
 
 
 def scene(n_legs: int) -> Scene:
-    """A lawnmower survey at 2 m/s with the 400 kHz preset, always over the same floor: ten minutes a leg."""
+    """A lawnmower survey at 2 m/s with the 400 kHz preset, always over the same floor: nine minutes a leg."""
     survey = {"length": LEG, "spacing": 45.0, "n_legs": n_legs, "n_ties": 0}
     terrain = {"size": (LEG + 200.0, 1000.0), "spacing": 1.0, "layers": [{"kind": "fractal"}]}
     return Scene.model_validate({"terrain": terrain, "survey": survey, "drift": {"grade": "mems"}})

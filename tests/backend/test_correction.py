@@ -197,7 +197,9 @@ def first_anchor_known(survey):
     turn = yaw_of(truth[None])[0] - yaw_of(dr[None])[0]
     T_dr = turned(survey.T_world_body_dr, turn, truth[:3, 3] - turned(dr, turn, np.zeros(3))[:3, 3])
     T_dr[:, 2, 3] = survey.T_world_body_dr[:, 2, 3]
-    return replace(survey, T_world_body_dr=T_dr, dead_reckoning=DeadReckoning(survey.time, T_dr))
+    return replace(
+        survey, T_world_body_dr=T_dr, dead_reckoning=DeadReckoning(survey.time, T_dr, survey.dead_reckoning.config)
+    )
 
 
 def test_between_two_well_known_anchors_dead_reckoning_sags(straight):

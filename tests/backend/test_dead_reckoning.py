@@ -135,7 +135,7 @@ def runs(make_survey):
 def test_relative_covariances_are_honest_for_near_and_far_pings(runs):
     pairs = np.array([(5, 6), (0, 100), (300, 40), (250, 500), (60, 580)])
     truth = runs[0].T_world_body
-    covariances = DeadReckoning(runs[0].time, truth).relative_covariances(*pairs.T)
+    covariances = DeadReckoning(runs[0].time, truth, runs[0].dead_reckoning.config).relative_covariances(*pairs.T)
     T_true = invert(truth[pairs[:, 0]]) @ truth[pairs[:, 1]]
     tangent = tangent_covariance(T_true, covariances)
     nees = np.zeros(len(pairs))
@@ -150,7 +150,7 @@ def test_relative_covariances_are_honest_for_near_and_far_pings(runs):
 
 @pytest.mark.parametrize("ping", [1, 100, 580])
 def test_absolute_covariances_are_honest(runs, ping):
-    covariances = DeadReckoning(runs[0].time, runs[0].T_world_body).covariances
+    covariances = DeadReckoning(runs[0].time, runs[0].T_world_body, runs[0].dead_reckoning.config).covariances
     difference = np.array([run.T_world_body_dr[ping] - run.T_world_body[ping] for run in runs])
     turn = np.array([run.T_world_body[ping, :3, :3].T @ run.T_world_body_dr[ping, :3, :3] for run in runs])
     error = np.column_stack([difference[:, :3, 3], np.arctan2(turn[:, 1, 0], turn[:, 0, 0])])
@@ -190,7 +190,7 @@ def test_far_from_the_origin_the_covariance_is_the_same(make_survey):
     survey = make_survey(3, n_legs=3, n_ties=1)
     T = survey.T_world_body_dr.copy()
     T[:, :2, 3] += [4e5, -5e6]
-    far = DeadReckoning(survey.time, T).relative_covariance(20, 500)
+    far = DeadReckoning(survey.time, T, survey.dead_reckoning.config).relative_covariance(20, 500)
     near = survey.dead_reckoning.relative_covariance(20, 500)
     np.testing.assert_allclose(far, near, rtol=1e-6, atol=1e-9)  # positions keep 1e-9 m of 5e6 m
 
@@ -198,7 +198,7 @@ def test_far_from_the_origin_the_covariance_is_the_same(make_survey):
 def test_the_track_given_is_not_changed(make_survey):
     survey = make_survey(4, n_legs=3, n_ties=1)
     before = survey.T_world_body_dr.copy()
-    reckoning = DeadReckoning(survey.time, survey.T_world_body_dr)
+    reckoning = DeadReckoning(survey.time, survey.T_world_body_dr, survey.dead_reckoning.config)
     reckoning.relative_covariance(0, 9)
     assert np.array_equal(reckoning.sigmas.shape, (len(before), 4))
     assert np.array_equal(before, survey.T_world_body_dr)
