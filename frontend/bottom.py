@@ -113,7 +113,10 @@ def _edges(echoes: AnyArray, recording: Recording, guide: FloatArray | None, con
     """Shape (N,): range of the first strong rise of each ping, NaN where none stands out."""
     spacing = float(np.median(recording.sample_spacing))
     width = max(2, round(config.step_length / spacing))
-    log_echo = np.log(uniform_filter(np.nan_to_num(echoes).astype(np.float64), (config.n_pings, 3)) + _floor(echoes))
+    floor = _floor(echoes)
+    # a running mean cannot get over a number so large that all others vanish beside it
+    bounded = np.clip(np.nan_to_num(echoes, posinf=0.0).astype(np.float64), 0.0, 1e9 * floor)
+    log_echo = np.log(uniform_filter(bounded, (config.n_pings, 3)) + floor)
     mean = np.cumsum(np.pad(log_echo, ((0, 0), (1, 0))), axis=1)
     n = echoes.shape[1]
     rise = np.full(echoes.shape, -np.inf)
@@ -129,7 +132,7 @@ def _edges(echoes: AnyArray, recording: Recording, guide: FloatArray | None, con
 
 def _floor(echoes: AnyArray) -> float:
     """A small positive number, so that silence has a logarithm."""
-    positive = echoes[echoes > 0]
+    positive = echoes[(echoes > 0) & np.isfinite(echoes)]
     return float(np.percentile(positive, 1)) if positive.size else 1.0
 
 

@@ -13,6 +13,7 @@ from frontend.relief import Relief, ReliefConfig, extract_relief
 from frontend.submaps import Submap, surface_normals
 
 N_BINS = 33
+_RADIUS_CELLS = 6.0
 
 
 class FeatureConfig(BaseModel):
@@ -23,7 +24,7 @@ class FeatureConfig(BaseModel):
     radius: float = Field(
         default=8.0,
         gt=0,
-        description="Radius of the shape that a descriptor sees [m]; several relief wavelengths, or all alike.",
+        description="Radius of the shape that a descriptor sees [m], at least 6 cells; on less all floor looks alike.",
     )
     lattice: float = Field(
         default=2.0,
@@ -41,13 +42,16 @@ class FeatureConfig(BaseModel):
         description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins.",
     )
     max_relative_sigma: float = Field(
-        default=2.0, gt=0, description="Points whose height sigma exceeds this many medians [1] of the submap are left out."
+        default=2.0,
+        gt=0,
+        description="Points whose height sigma exceeds this many medians [1] of the submap are left out.",
     )
     min_points: int = Field(
         default=50,
         gt=0,
         description="Usable cells [1] below which a submap has no features: less than one neighbourhood.",
     )
+    relief: ReliefConfig = ReliefConfig()
 
 
 @dataclass(frozen=True)
@@ -160,8 +164,9 @@ def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfi
     supports = np.isfinite(surface.z) & (rows % step == 0) & (columns % step == 0) | is_keypoint
     x, y = np.meshgrid(surface.x, surface.y)
     points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
-    most = int(np.pi * (config.radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off
-    return _fpfh(points, normals, np.flatnonzero(is_keypoint[supports]), {"radius": config.radius, "max_nn": most})
+    radius = max(config.radius, _RADIUS_CELLS * surface.spacing)
+    most = int(np.pi * (radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off
+    return _fpfh(points, normals, np.flatnonzero(is_keypoint[supports]), {"radius": radius, "max_nn": most})
 
 
 def _fpfh(points: FloatArray, normals: FloatArray, chosen: AnyArray, search: dict[str, float]) -> FloatArray:

@@ -101,13 +101,15 @@ def to_intensity(echoes: AnyArray, quantity: Quantity) -> FloatArray:
     Returns
     -------
     intensity : ndarray of float64
-        Squared amplitudes, or powers of ten, or the numbers themselves.
+        Squared amplitudes, or powers of ten, or the numbers themselves; NaN where that is not finite.
     """
-    values = np.asarray(echoes, dtype=np.float64)
+    values = np.array(echoes, dtype=np.float64)
     if quantity == Quantity.AMPLITUDE:
-        return np.asarray(values**2)
-    if quantity == Quantity.LOG:
-        return np.asarray(10.0 ** (values / 10.0))
+        values = values**2
+    elif quantity == Quantity.LOG:
+        with np.errstate(over="ignore"):
+            values = 10.0 ** (values / 10.0)
+    values[~np.isfinite(values)] = np.nan
     return values
 
 
@@ -127,6 +129,11 @@ def estimate_radiometry(recording: Recording, bottom: Bottom, config: Radiometry
     -------
     radiometry : Radiometry
         To be refined with reconstructed windows.
+
+    Raises
+    ------
+    ValueError
+        If there is no echo at all.
     """
     quantity = recording.sonar.quantity
     if quantity == Quantity.UNKNOWN:
@@ -134,6 +141,8 @@ def estimate_radiometry(recording: Recording, bottom: Bottom, config: Radiometry
     chosen = np.unique(np.linspace(0, recording.n_pings - 1, config.n_pings).astype(int))
     some = recording[chosen]
     echoes = to_intensity(np.stack([some.port, some.starboard], axis=1), quantity)
+    if not np.any(echoes > 0):
+        raise ValueError("the recording holds no echoes: every sample is zero or unknown, some above zero are wanted")
     some_bottom = Bottom(bottom.first_bottom_return[chosen], bottom.altitude[chosen], bottom.altimeter_scale)
     noise = _noise_floor(echoes, some, some_bottom)
     tables = _flat_floor_tables(echoes, some, some_bottom, noise, config)

@@ -97,9 +97,9 @@ class Relief:
     @cached_property
     def information(self) -> float:
         """Root-mean-square relief over the median height sigma [1]; sigma counts long waves, so 0.3 is rough floor."""
-        if not self.is_trusted.any():
+        if not self.z.any():
             return 0.0
-        return _rms(self.z, self.weight) / float(np.median(self.sigma[self.is_trusted]))
+        return _rms(self.z, self.weight) / max(float(np.median(self.sigma[self.is_trusted])), _ROUNDING)
 
     @cached_property
     def centre(self) -> FloatArray:

@@ -57,6 +57,16 @@ def test_single_pings_without_echo_are_bridged(level: Recording) -> None:
     np.testing.assert_allclose(bottom.first_bottom_return, 12.0, atol=RESOLUTION)
 
 
+@pytest.mark.parametrize("garbage", [np.inf, 3e38, -3e38, -1.0])
+def test_a_broken_sample_does_not_hide_the_bottom(level: Recording, garbage: float) -> None:
+    port = level.port.copy()
+    port[40:60, 300] = garbage
+    with np.errstate(all="raise"):
+        bottom = find(replace(level, port=port))
+    np.testing.assert_allclose(bottom.first_bottom_return[:, 1], 12.0, atol=RESOLUTION)
+    np.testing.assert_allclose(bottom.altitude, 12.0, atol=RESOLUTION)
+
+
 def test_a_long_gap_is_bridged(level: Recording) -> None:
     port, starboard = level.port.copy(), level.starboard.copy()
     port[80:120], starboard[80:120] = 0, 0

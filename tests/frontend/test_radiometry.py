@@ -34,6 +34,25 @@ def test_numbers_become_intensities() -> None:
     assert to_intensity(values, Quantity.INTENSITY).dtype == np.float64
 
 
+@pytest.mark.parametrize("quantity", [Quantity.INTENSITY, Quantity.AMPLITUDE, Quantity.LOG])
+def test_what_is_no_number_is_unknown(quantity: Quantity) -> None:
+    values = np.array([np.nan, np.inf, -np.inf, 1.0], dtype=np.float32)
+    intensity = to_intensity(values, quantity)
+    assert np.isnan(intensity[:2]).all()
+    assert np.isfinite(intensity[3])
+    assert np.isnan(to_intensity(np.array([1e5]), Quantity.LOG)).all()  # ten thousand powers of ten
+    np.testing.assert_array_equal(values[1:], [np.inf, -np.inf, 1.0])
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan])
+def test_a_recording_without_echoes_is_refused(nothing: float) -> None:
+    recording = WAVY.record(np.random.default_rng(1))
+    silent = np.full_like(recording.port, nothing)
+    recording = replace(recording, port=silent, starboard=silent, altitude=WAVY.altitude)
+    with pytest.raises(ValueError, match="the recording holds no echoes: every sample is zero or unknown"):
+        estimate(recording)
+
+
 @pytest.mark.parametrize("looks", [1.0, 2.0, 4.0, 16.0])
 def test_looks_of_gamma_speckle_are_found(looks: float) -> None:
     recording = replace(WAVY, looks=looks).record(np.random.default_rng(1), Quantity.INTENSITY)

@@ -261,6 +261,8 @@ def test_pieces_that_do_not_follow_each_other_are_refused(tmp_path):
     assert _refusal([], path) == "no recording given, at least one wanted"
     assert "a later one wanted" in _refusal([first, third, second], path)
     assert "a later one wanted" in _refusal([first, first], path)
+    bare = replace(_timed_recording(), sensors={})
+    assert "a later one wanted" in _refusal([bare[:201], bare[200:]], path)
     for changes in ({"sonar": SonarGeometry(1e5)}, {"truth": None}, {"georeference": None}):
         assert "pieces of one recording wanted" in _refusal([first, replace(second, **changes)], path)
     narrow = replace(second, port=second.port[:, :-1], starboard=second.starboard[:, :-1])

@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frontend.frames import planar_pose
+from frontend.heightfield import Heightfield
+from frontend.pairs import PairConfig, pairs_to_compare, predicted_transform
+from frontend.submaps import Submap
+from frontend.trajectory import Trajectory
+
+
+def square_submap(number, x, y, yaw=0.0, first_ping=None):
+    """80 m by 80 m of floor about (x, y), 100 pings long."""
+    first = 100 * number if first_ping is None else first_ping
+    z = np.zeros((81, 81))
+    surface = Heightfield(z, 1.0, (-40.0, -40.0))
+    T = planar_pose(x, y, yaw)
+    return Submap(number, first, first + 100, first + 50, 0.0, T, np.eye(4), surface, z, z, z > 0)
+
+
+def track(n, step=0.8):
+    zero = np.zeros(n)
+    return Trajectory(np.arange(float(n)), step * np.arange(n), zero, zero, zero, zero, zero)
+
+
+def covariance(sigma):
+    return lambda _target, _source: np.diag([1e-4, 1e-4, 1e-3, sigma**2, sigma**2, 1e-2])
+
+
+def test_submaps_over_one_place_are_a_pair_with_the_earlier_as_target():
+    submaps = [square_submap(0, 0.0, 0.0), square_submap(1, 500.0, 0.0), square_submap(5, 0.0, 0.0)]
+    assert pairs_to_compare(submaps, track(600), covariance(5.0)) == [(0, 2)]
+
+
+def test_neighbours_along_the_track_are_no_pair():
+    """Windows of 79.2 m; anchors 160 m apart are more than two lengths away, 158 m are not."""
+    far = [square_submap(0, 0.0, 0.0), square_submap(1, 0.0, 0.0, first_ping=200)]
+    near = [square_submap(0, 0.0, 0.0), square_submap(1, 0.0, 0.0, first_ping=197)]
+    assert pairs_to_compare(far, track(400), covariance(5.0)) == [(0, 1)]
+    assert pairs_to_compare(near, track(400), covariance(5.0)) == []
+
+
+def test_submaps_that_share_a_ping_are_no_pair_however_long_the_way():
+    submaps = [square_submap(0, 0.0, 0.0), square_submap(1, 0.0, 0.0, first_ping=99)]
+    assert pairs_to_compare(submaps, track(300), covariance(5.0), PairConfig(min_separation=0.1)) == []
+
+
+def test_a_vehicle_that_stood_still_in_between_is_no_further_along_the_track():
+    submaps = [square_submap(0, 0.0, 0.0), square_submap(9, 0.0, 0.0)]
+    distance = np.concatenate([np.arange(100.0), np.full(800, 100.0), 100.0 + np.arange(100.0)])
+    zero = np.zeros(1000)
+    still = Trajectory(np.arange(1000.0), distance, zero, zero, zero, zero, zero)
+    assert pairs_to_compare(submaps, still, covariance(5.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("gap", "sigma", "expected"), [(60, 0.5, True), (75, 0.5, False), (110, 20.0, True), (110, 5.0, False)]
+)
+def test_pairs_reach_as_far_as_the_gate(gap, sigma, expected):
+    """Squares of 80 m overlap by 20 % up to 64 m apart, and as much further as the gate is wide (3.8 sigmas)."""
+    submaps = [square_submap(0, 0.0, 0.0), square_submap(5, float(gap), 0.0)]
+    assert bool(pairs_to_compare(submaps, track(600), covariance(sigma))) == expected
+
+
+def test_the_heading_of_the_submaps_does_not_matter():
+    submaps = [square_submap(0, 0.0, 0.0, 0.4), square_submap(5, 10.0, 0.0, 2.9)]
+    assert pairs_to_compare(submaps, track(600), covariance(5.0)) == [(0, 1)]
+
+
+def test_a_submap_of_which_nothing_is_known_is_in_no_pair():
+    empty = square_submap(5, 0.0, 0.0)
+    empty = replace(empty, surface=replace(empty.surface, z=np.full((81, 81), np.nan)))
+    assert pairs_to_compare([square_submap(0, 0.0, 0.0), empty], track(600), covariance(5.0)) == []
+
+
+def test_no_submaps_give_no_pairs():
+    assert pairs_to_compare([], track(2), covariance(5.0)) == []
+
+
+def test_the_predicted_transform_takes_source_points_to_the_target():
+    a, b = square_submap(0, 3.0, 1.0, np.pi / 2), square_submap(1, 3.0, 5.0, np.pi / 2)
+    assert predicted_transform(a, b) == pytest.approx(planar_pose(4.0, 0.0, 0.0), abs=1e-12)
