@@ -14,7 +14,7 @@ from frontend.recording import Recording
 class BottomConfig(BaseModel):
     """How the first bottom return is found."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     blanking: float = Field(
         default=1.0, ge=0, description="Slant range that is never bottom [m]; transducers ring that long."

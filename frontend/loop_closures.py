@@ -189,7 +189,7 @@ def _proposals(
     """Transforms that features or correlation propose."""
     candidates = find_consensus(target.features, source.features, matches, prior, config.matching)
     peaks = propose(target.layers.relief, source.layers.relief, prior, config.search)
-    return [found.T_target_source for found in (*candidates, *peaks)]
+    return [candidate.T_target_source for candidate in candidates] + [peak.T_target_source for peak in peaks]
 
 
 def _is_elsewhere(a: Verification, b: Verification, separation: float) -> bool:

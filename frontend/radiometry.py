@@ -16,7 +16,7 @@ _N_RANGES = 40  # cells of range over which equal angles are compared
 class RadiometryConfig(BaseModel):
     """How echoes become intensities and what is taken for known about the sonar."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     exponent: float = Field(
         default=2.0, gt=0, description="Exponent [1] of cos(incidence); 2 is Lambert's law for intensity."

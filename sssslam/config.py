@@ -26,7 +26,7 @@ from frontend.windows import WindowConfig, window_length
 class Config(BaseModel):
     """All sections; each lives beside its stage."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     windows: WindowConfig = WindowConfig()
     bottom: BottomConfig = BottomConfig()
@@ -59,14 +59,9 @@ def load_config(path: str | Path | None = None, settings: Iterable[str] = ()) ->
     Raises
     ------
     ValueError
-        One line that names the first key that is unknown or has a wrong value.
+        One line: the file is not there or no TOML, or the first key that is unknown or has a wrong value.
     """
-    tree: dict[str, Any] = {}
-    if path is not None:
-        try:
-            tree = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path} is no TOML: {error}") from None
+    tree = {} if path is None else _read_toml(Path(path))
     for setting in settings:
         _apply(tree, setting)
     try:
@@ -111,6 +106,15 @@ def default_toml() -> str:
     return tomlkit.dumps(document)
 
 
+def _read_toml(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise ValueError(f"{path} is {'a folder' if path.is_dir() else 'not there'}; a TOML file is wanted")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no TOML: {error}") from None
+
+
 def _document(table: Any, section: BaseModel) -> None:
     """Add the keys of a section, then its own sections; what the data decide stands in a comment."""
     for name, field in type(section).model_fields.items():
@@ -151,9 +155,11 @@ def _explain(error: ValidationError) -> str:
         close = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
         hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
         return f"the configuration has no key {where}; {hint}"
+    given = "a section" if isinstance(first["input"], Mapping) else f"{first['input']!r:.60}"
+    if first["type"] == "model_type":
+        return f"{where} is a section of the configuration, keys wanted, got {given}"
     message = first["msg"][:1].lower() + first["msg"][1:]
-    given = first["input"]
-    return f"{where} of the configuration: {message}, got {'a section' if isinstance(given, Mapping) else repr(given)}"
+    return f"{where} of the configuration: {message}, got {given}"
 
 
 def _keys(path: tuple[str | int, ...]) -> list[str]:

@@ -22,7 +22,7 @@ Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
 class ReconstructionConfig(BaseModel):
     """Which method, and its settings."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     method: Literal["joint"] = Field(
         default="joint", description="joint: height and reflectivity by analysis by synthesis."

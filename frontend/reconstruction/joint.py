@@ -22,7 +22,7 @@ from frontend.windows import Window
 class JointConfig(BaseModel):
     """The joint method."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     spacing: float | None = Field(
         default=None,

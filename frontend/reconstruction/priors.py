@@ -17,7 +17,7 @@ from frontend.reconstruction.forward import Raster
 class PriorConfig(BaseModel):
     """How rough a seafloor and how patchy its reflectivity may be."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     roughness: float = Field(
         default=0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."

@@ -13,7 +13,7 @@ from frontend.reconstruction.priors import from_cosine, to_cosine
 class SolverConfig(BaseModel):
     """When to stop."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     n_steps: int = Field(
         default=3, ge=1, description="Gauss-Newton steps [1] at each resolution, at most; more fit speckle."

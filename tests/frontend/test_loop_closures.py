@@ -13,8 +13,8 @@ from frontend.loop_closures import LoopClosureConfig, compare_pairs, find_loop_c
 from frontend.trajectory import Trajectory
 from tests.frontend.seafloor_scenes import PINGS_A_SUBMAP, Seafloor, cut_submap, rippled_seafloor, rough_seafloor
 
-SIGMA, SIGMA_YAW = 6.0, 0.035  # of dead reckoning between any two submaps [m], [rad]
-COVARIANCE = np.diag([1e-4, 1e-4, SIGMA_YAW**2, SIGMA**2, SIGMA**2, 1e-2])
+SIGMA, SIGMA_YAW = 6.0, 0.025  # of each dead-reckoned pose [m], [rad]
+COVARIANCE = 2 * np.diag([1e-4, 1e-4, SIGMA_YAW**2, SIGMA**2, SIGMA**2, 1e-2])  # of two poses, both in error
 
 
 def covariance(_target, _source):

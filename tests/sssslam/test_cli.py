@@ -1,0 +1,239 @@
+"""The command line as a person or a script meets it: help, status, one line of error, no traceback."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sssslam
+from sssslam.cli import main
+from sssslam.config import load_config
+from sssslam.readers import read
+from sssslam.readers.netcdf import write_netcdf
+from tests.frontend.flat_floor import FlatFloor
+
+COMMANDS = ["demo", "run", "simulate", "reconstruct", "evaluate", "info", "convert", "config"]
+Shell = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def shell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Shell:
+    """Runs a command in an empty folder; gives status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["sssslam", *map(str, arguments)])
+        status: object = 0
+        try:
+            main()
+        except SystemExit as stop:
+            status = stop.code
+        captured = capsys.readouterr()
+        return int(str(status or 0)), captured.out, captured.err
+
+    return call
+
+
+def is_one_line(errors: str) -> bool:
+    return errors.startswith("sssslam: ") and errors.count("\n") == 1 and "Traceback" not in errors
+
+
+@pytest.fixture
+def dive(tmp_path: Path) -> Path:
+    """A short recording in the open container."""
+    path = tmp_path / "dive.nc"
+    write_netcdf(FlatFloor(np.full(20, 12.0)).record(np.random.default_rng(1)), path)
+    return path
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_opens_with_examples_of_the_command(shell: Shell, command: str) -> None:
+    status, output, _ = shell(command, "--help")
+    assert status == 0
+    usage, _, rest = output.strip().partition("\n\n")
+    assert usage.startswith(f"Usage: sssslam {command}")
+    lines = [line.strip() for line in rest.splitlines() if line.strip()]
+    assert lines[0] == "Examples:"
+    assert lines[1].startswith(f"sssslam {command}")
+
+
+def test_help_names_every_command(shell: Shell) -> None:
+    status, output, _ = shell("--help")
+    assert status == 0
+    assert all(f"\n  {command} " in output for command in COMMANDS)
+
+
+def test_the_version_is_that_of_the_package(shell: Shell) -> None:
+    assert shell("--version") == (0, f"sssslam {sssslam.__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["walk"],
+        ["run"],
+        ["run", "dive.xtf"],
+        ["run", "dive.xtf", "-o", "out", "--colour", "red"],
+        ["simulate"],
+        ["simulate", "demo"],
+        ["simulate", "demo", "-o", "x.nc", "--seed", "-1"],
+        ["evaluate", "out"],
+        ["convert", "dive.xtf"],
+        ["demo", "--seed", "many"],
+        ["info"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage_is_status_two(shell: Shell, arguments: list[str]) -> None:
+    status, output, errors = shell(*arguments)
+    assert status == 2
+    assert output == ""
+    assert "Error" in errors
+    assert "Traceback" not in errors
+
+
+def broken(kind: str, folder: Path) -> Path:
+    """A recording that is none."""
+    path = folder / "dive.xtf"
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "empty":
+        path.touch()
+    elif kind == "text":
+        path.write_text("This is no sonar.\n" * 100)
+    elif kind == "zeros":
+        path.write_bytes(bytes(5000))
+    return path
+
+
+@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "text", "zeros"])
+@pytest.mark.parametrize("command", ["info", "run", "reconstruct", "convert"])
+def test_a_file_that_is_no_recording_is_one_line_and_status_one(
+    shell: Shell, tmp_path: Path, kind: str, command: str
+) -> None:
+    target = {"info": [], "run": ["-o", "out"], "reconstruct": ["-o", "out"], "convert": ["out.nc"]}[command]
+    status, output, errors = shell(command, broken(kind, tmp_path), *target)
+    assert (status, output) == (1, "")
+    assert is_one_line(errors)
+    assert "dive.xtf" in errors
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "out.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-s", "windows.lenght=80"], "no key windows.lenght; did you mean length?"),
+        (["-s", "windows.length"], "a setting reads section.key=value"),
+        (["--config", "my.toml"], "my.toml is not there; a TOML file is wanted"),
+        (["-o", "dive.nc"], "dive.nc is a file; a folder for the products is wanted"),
+        (["-o", "dive.nc/out"], "a folder that can is wanted"),
+    ],
+)
+def test_a_wrong_option_is_refused_before_the_work(shell: Shell, dive: Path, options: list[str], message: str) -> None:
+    status, output, errors = shell("run", dive, "-o", "out", *options)
+    assert (status, output) == (1, "")
+    assert is_one_line(errors)
+    assert message in errors
+
+
+def test_an_unknown_scene_is_refused_with_the_known_ones(shell: Shell) -> None:
+    status, _, errors = shell("simulate", "moon", "-o", "moon.nc")
+    assert status == 1
+    assert is_one_line(errors)
+    assert "demo" in errors
+
+
+def test_a_simulation_needs_a_name_of_a_known_format(shell: Shell) -> None:
+    status, _, errors = shell("simulate", "demo", "-o", "demo.wav")
+    assert status == 1
+    assert "a name that ends in .nc or .xtf is wanted" in errors
+
+
+def test_the_scenes_are_listed_a_line_each(shell: Shell) -> None:
+    status, output, _ = shell("simulate", "--list")
+    assert status == 0
+    assert [line.split()[0] for line in output.splitlines()] == sssslam.simulation.scene_names()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("reference", ["missing.tum", "text.tum", "folder"])
+def test_evaluating_nothing_is_one_line(shell: Shell, tmp_path: Path, reference: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "text.tum").write_text("no numbers here\n")
+    status, _, errors = shell("evaluate", "folder", "--reference", reference)
+    assert status == 1
+    assert is_one_line(errors)
+
+
+def test_a_container_without_truth_is_no_reference(shell: Shell, dive: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    status, _, errors = shell("evaluate", "out", "--reference", dive)
+    assert status == 1
+    assert "holds no truth; a simulated recording or a TUM file is wanted" in errors
+
+
+def test_info_says_what_is_in_a_recording(shell: Shell, dive: Path) -> None:
+    status, output, errors = shell("info", dive)
+    assert (status, errors) == (0, "")
+    assert "20 of 900 samples a side" in output
+    assert "! roll is 0 in every ping" in output
+
+
+def test_converting_gives_the_same_recording(shell: Shell, dive: Path, tmp_path: Path) -> None:
+    status, output, _ = shell("convert", dive, "again.nc")
+    assert status == 0
+    assert "20 pings of 900 samples a side" in output
+    one, other = read(dive), read(tmp_path / "again.nc")
+    np.testing.assert_array_equal(one.port, other.port)
+    np.testing.assert_array_equal(one.ping_time, other.ping_time)
+
+
+def test_the_printed_configuration_is_the_default(shell: Shell, tmp_path: Path) -> None:
+    status, output, _ = shell("config")
+    assert status == 0
+    (tmp_path / "my.toml").write_text(output)
+    assert load_config(tmp_path / "my.toml") == load_config()
+
+
+def test_an_interrupt_is_said_in_a_line(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sssslam.commands.show_config", interrupted)
+    status, _, errors = shell("config")
+    assert status in (1, 130)
+    assert "Traceback" not in errors
+
+
+def test_a_fault_of_the_program_can_be_traced(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSSSLAM_DEBUG", "1")
+    with pytest.raises(ValueError, match=r"nowhere\.xtf"):
+        shell("info", "nowhere.xtf")
+
+
+def sssslam_process(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+    code = "from sssslam.cli import main; main()"
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_a_process_of_its_own_ends_with_one_line_and_status_one(tmp_path: Path) -> None:
+    done = sssslam_process("info", "dive.xtf", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert is_one_line(done.stderr)
+
+
+def test_nothing_is_drawn_into_a_pipe(tmp_path: Path, dive: Path) -> None:
+    done = sssslam_process(
+        "reconstruct", str(dive), "-o", "out", "-s", "reconstruction.joint.n_levels=1", folder=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "\x1b" not in done.stdout
+    assert "1 submaps in out/submaps" in done.stdout
+    assert (tmp_path / "out" / "submaps" / "0000.ply").is_file()
