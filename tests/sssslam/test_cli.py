@@ -55,7 +55,7 @@ def test_help_opens_with_examples_of_the_command(shell: Shell, command: str) -> 
     status, output, _ = shell(command, "--help")
     assert status == 0
     usage, _, rest = output.strip().partition("\n\n")
-    assert usage.startswith(f"Usage: sssslam {command}")
+    assert f"sssslam {command}" in usage
     lines = [line.strip() for line in rest.splitlines() if line.strip()]
     assert lines[0] == "Examples:"
     assert lines[1].startswith(f"sssslam {command}")
@@ -233,7 +233,7 @@ def test_nothing_is_drawn_into_a_pipe(tmp_path: Path, dive: Path) -> None:
         "reconstruct", str(dive), "-o", "out", "-s", "reconstruction.joint.n_levels=1", folder=tmp_path
     )
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    assert done.stderr.strip() == ""
     assert "\x1b" not in done.stdout
     assert "1 submaps in out/submaps" in done.stdout
     assert (tmp_path / "out" / "submaps" / "0000.ply").is_file()
