@@ -1,4 +1,4 @@
-"""Array types and the section base arguments that every stage shares."""
+"""Array types that every stage shares."""
 
 from typing import Any
 

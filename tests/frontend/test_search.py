@@ -68,3 +68,12 @@ def test_the_same_input_gives_the_same_peaks():
     first, second = (propose(target, source, prior_at(12.0, -15.0, 0.3)) for _ in range(2))
     assert [p.significance for p in first] == [p.significance for p in second]
     assert all(np.array_equal(a.T_target_source, b.T_target_source) for a, b in zip(first, second, strict=True))
+
+
+def test_peaks_overlap_as_much_as_is_asked():
+    target, source = reliefs(8, (0.0, 60.0, 0.0))
+    prior = prior_at(0.0, 60.0, 0.0, sigma=12.0)
+    few, many = (propose(target, source, prior, SearchConfig(min_overlap=share, n_peaks=8)) for share in (0.6, 0.1))
+    # tracks 60 m apart share 40 of 100 m; 60 % want them 40 m apart at most
+    assert all(abs(peak.T_target_source[1, 3]) < 43 for peak in few)
+    assert any(abs(peak.T_target_source[1, 3]) > 50 for peak in many)

@@ -68,3 +68,11 @@ def test_swapping_the_submaps_inverts_the_transform():
     x, y, yaw = planar_parameters(forward.T_target_source @ backward.T_target_source)
     assert np.hypot(x, y) < 3 * np.hypot(*forward.sigmas[3:5])
     assert abs(yaw) < 3 * forward.sigmas[2]
+
+
+def test_areas_are_those_of_the_overlap_and_of_the_relief():
+    target, source = layers(3)
+    v = verify(target, source, planar_pose(*RELATIVE))
+    smaller = min(target.relief.area, source.relief.area)
+    assert v.overlap_area == pytest.approx(v.overlap * smaller)
+    assert v.correlation_area == joint_area(target.relief, source.relief)
