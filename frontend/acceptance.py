@@ -50,7 +50,7 @@ class AcceptanceConfig(BaseModel):
         default=1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
     )
     min_information: float = Field(
-        default=0.1,
+        default=0.05,
         ge=0,
         description="Least root-mean-square relief over the height sigma [1]; below, floor is too flat to recognise.",
     )

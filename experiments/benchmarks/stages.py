@@ -33,12 +33,9 @@ def main() -> None:
     part = recording[: arguments.pings]
     first, *later = [times(part) for _ in range(arguments.repeats + 1)]
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
-    print(
-        f"scene {arguments.scene}, {part.n_pings} pings of 2 x {part.n_samples} samples, commit {commit.stdout.strip()}"
-    )
-    print(
-        f"commit {commit.stdout.strip()}, {platform.machine()}, {numba.config.NUMBA_NUM_THREADS} threads, Python {platform.python_version()}\n"
-    )
+    machine = f"{platform.machine()}, {numba.config.NUMBA_NUM_THREADS} threads, Python {platform.python_version()}"
+    print(f"scene {arguments.scene}, {part.n_pings} pings of 2 x {part.n_samples} samples")
+    print(f"commit {commit.stdout.strip()}, {machine}\n")
     print("| stage | first run [ms a ping] | median later [ms a ping] | spread [ms a ping] |\n|---|---|---|---|")
     print(f"| simulation (once, with compilation) | {simulated:.2f} | | |")
     for stage, seconds in first.items():

@@ -9,7 +9,7 @@ import sssslam
 from frontend.recording import Quantity, Recording
 from tests.frontend.flat_floor import FlatFloor
 
-FLOOR = FlatFloor(12.0 + 2.0 * np.sin(np.arange(120) / 20), strength=1e8)
+FLOOR = FlatFloor(12.0 + 2.0 * np.sin(np.arange(80) / 15), strength=1e8)
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +27,8 @@ def submap(recording: Recording) -> sssslam.Submap:
 
 
 def test_pings_become_a_submap_at_the_middle_ping(recording: Recording, submap: sssslam.Submap) -> None:
-    assert (submap.number, submap.first_ping, submap.end_ping, submap.anchor_ping) == (0, 0, 120, 60)
-    assert submap.anchor_time == recording.ping_time[60]
+    assert (submap.number, submap.first_ping, submap.end_ping, submap.anchor_ping) == (0, 0, 80, 40)
+    assert submap.anchor_time == recording.ping_time[40]
     heights = submap.points[:, 2] + submap.T_world_submap_dr[2, 3]
     # half a bin, half a metre, on the whole; the echoes of this floor are drawn from the flat-floor formula
     assert heights.mean() == pytest.approx(-50.0, abs=0.25)
@@ -36,19 +36,13 @@ def test_pings_become_a_submap_at_the_middle_ping(recording: Recording, submap: 
 
 
 def test_a_part_of_a_recording_is_a_submap_of_its_own(recording: Recording) -> None:
-    part = sssslam.reconstruct(recording[30:90], sssslam.load_config(settings=["reconstruction.joint.n_levels=1"]))
-    assert part.anchor_time == recording.ping_time[60]
+    part = sssslam.reconstruct(recording[20:60], sssslam.load_config(settings=["reconstruction.joint.n_levels=1"]))
+    assert part.anchor_time == recording.ping_time[40]
 
 
 def test_the_cell_size_follows_the_configuration(recording: Recording) -> None:
     settings = ["reconstruction.joint.spacing=2.0", "reconstruction.joint.n_levels=1"]
     assert sssslam.reconstruct(recording, sssslam.load_config(settings=settings)).surface.spacing == 2.0
-
-
-def test_the_same_pings_give_the_same_bytes(recording: Recording, submap: sssslam.Submap) -> None:
-    again = sssslam.reconstruct(recording)
-    assert again.surface.z.tobytes() == submap.surface.z.tobytes()
-    assert again.sigma.tobytes() == submap.sigma.tobytes()
 
 
 def test_features_of_a_submap_come_with_descriptors(submap: sssslam.Submap) -> None:
@@ -58,7 +52,8 @@ def test_features_of_a_submap_come_with_descriptors(submap: sssslam.Submap) -> N
 
 def test_a_floor_out_of_range_leaves_nothing_known(recording: Recording) -> None:
     deep = replace(recording, altitude=np.full(recording.n_pings, 300.0))
-    assert not sssslam.reconstruct(deep).is_known.any()
+    coarse = sssslam.load_config(settings=["reconstruction.joint.n_levels=1"])
+    assert not sssslam.reconstruct(deep, coarse).is_known.any()
 
 
 def test_silence_is_refused(recording: Recording) -> None:

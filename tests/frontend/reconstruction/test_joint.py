@@ -143,7 +143,7 @@ def test_a_ramp_across_the_track_has_its_slope_where_long_waves_are_believed_in(
 ) -> None:
     # a slope as wide as the swath is longer than any wave of the default belief, which takes it for reflectivity
     believing = JointConfig(
-        prior=PriorConfig(longest=200.0), solver=SolverConfig(n_steps=10, n_products=40, improvement=1e-6)
+        prior=PriorConfig(longest=200.0), solver=SolverConfig(n_steps=6, n_products=20, improvement=1e-6)
     )
     seen = see(sound(tmp_path, lambda x, y: 0.06 * y + 0.0 * x), radiometry, believing)
     inside = seen.inside(40.0)
