@@ -79,7 +79,7 @@ def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> 
     spectra : Spectra
         What `correlate` needs; reusable for every partner of the same padded size.
     """
-    rasters = np.stack([weight, weight * values, weight * values**2, (weight > 0).astype(np.float64)])
+    rasters = np.stack([weight, weight * values, weight * values**2, weight > 0]).astype(np.float32)
     return Spectra(rfft2(rasters, padded), (values.shape[0], values.shape[1]), padded)
 
 
@@ -115,7 +115,7 @@ def correlate(target: Spectra, source: Spectra) -> CorrelationSurface:
         )
     a, b = target.transforms, np.conj(source.transforms)
     products = np.stack([a[0] * b[0], a[1] * b[0], a[0] * b[1], a[2] * b[0], a[0] * b[2], a[1] * b[1], a[3] * b[3]])
-    sums = irfft2(products, target.padded)
+    sums = irfft2(products, target.padded).astype(np.float64)
     shifts = [np.arange(1 - n_b, n_a) for n_a, n_b in zip(target.shape, source.shape, strict=True)]
     sums = sums[:, shifts[0][:, None], shifts[1]]
     return CorrelationSurface(_coefficient(sums[:6]), np.maximum(np.rint(sums[6]), 0.0), shifts[0], shifts[1])
@@ -123,11 +123,9 @@ def correlate(target: Spectra, source: Spectra) -> CorrelationSurface:
 
 def _coefficient(sums: FloatArray) -> FloatArray:
     """Correlation from the sums of w, wa, wb, waa, wbb and wab."""
-    floor = 1e-9 * float(sums[0].max(initial=0.0)) + 1e-300
-    total = np.maximum(sums[0], floor)
-    mean_a, mean_b, aa, bb, ab = sums[1:] / total
+    least = 1e-4 * float(sums[0].max(initial=0.0)) + 1e-30  # single precision is worse than that by two digits
+    mean_a, mean_b, aa, bb, ab = sums[1:] / np.maximum(sums[0], least)
     variance = np.maximum(aa - mean_a**2, 0.0) * np.maximum(bb - mean_b**2, 0.0)
-    scale = float(aa.max(initial=0.0) * bb.max(initial=0.0))
-    usable = (sums[0] > 1e3 * floor) & (variance > 1e-12 * scale)
+    usable = (sums[0] > least) & (variance > 1e-6 * float(aa.max(initial=0.0)) * float(bb.max(initial=0.0)))
     coefficient = (ab - mean_a * mean_b) / np.sqrt(np.where(usable, variance, 1.0))
     return np.asarray(np.where(usable, np.clip(coefficient, -1.0, 1.0), 0.0))

@@ -36,8 +36,8 @@ def test_every_shift_agrees_with_the_definition(seed, dy, dx):
     i, j = list(surface.shift_y).index(dy), list(surface.shift_x).index(dx)
     expected, n = by_definition(a, wa, b, wb, dy, dx)
     assert surface.overlap[i, j] == n
-    if n > 2:
-        assert surface.correlation[i, j] == pytest.approx(expected, abs=1e-9)
+    if n > 5:  # single precision: seven digits of the sums, fewer of a difference of few of them
+        assert surface.correlation[i, j] == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_part_is_found_where_it_was_cut_out():
@@ -46,7 +46,7 @@ def test_a_part_is_found_where_it_was_cut_out():
     surface = surface_of(a, np.ones_like(a), b, np.ones_like(b))
     i, j = np.unravel_index(np.argmax(np.where(surface.overlap > 300, surface.correlation, -1)), surface.overlap.shape)
     assert (surface.shift_y[i], surface.shift_x[j]) == (7, 12)
-    assert surface.correlation[i, j] == pytest.approx(1.0)
+    assert surface.correlation[i, j] == pytest.approx(1.0, abs=1e-5)
     assert surface.overlap[i, j] == b.size
 
 
@@ -59,7 +59,7 @@ def test_cells_without_weight_have_no_influence():
     calm = np.where(weight > 0, a, 0.0)
     ones = np.ones_like(b)
     assert surface_of(wild * (weight > 0), weight, b, ones).correlation == pytest.approx(
-        surface_of(calm, weight, b, ones).correlation, abs=1e-9
+        surface_of(calm, weight, b, ones).correlation, abs=1e-5
     )
 
 
@@ -76,7 +76,7 @@ def test_correlation_is_unchanged_by_offset_and_scale():
     a, b, ones = rng.normal(size=(16, 16)), rng.normal(size=(16, 16)), np.ones((16, 16))
     big = surface_of(a, ones, b, ones).overlap > 20
     scaled = surface_of(5 * a + 2, ones, 0.1 * b - 1, ones).correlation
-    assert scaled[big] == pytest.approx(surface_of(a, ones, b, ones).correlation[big], abs=1e-6)
+    assert scaled[big] == pytest.approx(surface_of(a, ones, b, ones).correlation[big], abs=1e-3)
 
 
 def test_spectra_of_different_padding_are_refused():

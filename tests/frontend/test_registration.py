@@ -78,11 +78,13 @@ def test_the_normal_equations_are_those_of_numpy():
     relative = (5.0, 8.0, 0.8)
     a, b = (layers_of(s) for s in two_passes(2, relative))
     overlap = lay_over(a, b, relative)
-    (J, _), weight = module._jacobians(overlap, 0.8), module._weights(overlap, RegistrationConfig())
-    H, g = np.zeros((3, 3)), np.zeros(3)
+    (J, J_source), weight = module._jacobians(overlap, 0.8), module._weights(overlap, RegistrationConfig())
+    H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     frame = np.array([*a.relief.origin, a.relief.spacing])
-    module._normal_equations(a.shape, b.shape_cells, frame, np.array(relative), RegistrationConfig().tuning, H, g)
+    tuning = RegistrationConfig().tuning
+    module._normal_equations(a.shape, b.shape_cells, frame, np.array(relative), tuning, H, H_common, g)
     assert pytest.approx(J.T @ (weight[:, None] * J), rel=1e-9) == H
+    assert pytest.approx(J.T @ (weight[:, None] * J_source), rel=1e-9) == H_common
     assert pytest.approx(J.T @ (weight * (overlap.z_source - overlap.z_target)), rel=1e-9) == g
 
 

@@ -66,8 +66,10 @@ def test_one_broken_sample_does_not_spoil_the_submap(recording: Recording, subma
     port = recording.port.copy()
     port[50, 400] = np.inf
     broken = sssslam.reconstruct(replace(recording, port=port))
-    # one sample of a bin, once in six looks
-    np.testing.assert_allclose(broken.points[:, 2], submap.points[:, 2], atol=0.1)
+    # a bin of half a metre is known by ten looks there, nine are left
+    change = broken.points[:, 2] - submap.points[:, 2]
+    assert np.abs(change).max() < 0.25
+    assert change.std() < 0.03
 
 
 def test_every_public_name_is_there() -> None:
