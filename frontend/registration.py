@@ -16,7 +16,7 @@ class RegistrationConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    n_iterations: int = Field(default=20, gt=0, description="Most Gauss-Newton steps [1]; ten are usual.")
+    n_iterations: int = Field(default=12, gt=0, description="Most Gauss-Newton steps [1]; a true place needs six.")
     max_step: float = Field(
         default=1.0, gt=0, description="Longest shift of one step [m]: a cell, or the linearisation fails."
     )

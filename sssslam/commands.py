@@ -168,8 +168,8 @@ def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, con
     from frontend.reconstruction import calibrate
     from frontend.windows import sliding_windows
     from sssslam.config import resolve
-    from sssslam.pipeline import notes, reconstruct_windows
     from sssslam.products.shape import write_shape
+    from sssslam.stages import notes, reconstruct_windows
 
     _check_folder(out)
     recording = read(*recordings, channels=channels)

@@ -99,7 +99,7 @@ def test_the_jacobian_is_the_change_of_the_target_with_the_pose():
         moved = lay_over(a, b, tuple(pose + step * np.eye(3)[k]))
         assert len(moved.x) == len(overlap.x)
         assert (moved.z_target - overlap.z_target) / step == pytest.approx(
-            J[:, k], abs=1e-5
+            J[:, k], abs=1e-4
         )  # second order: half a step
 
 
