@@ -43,7 +43,8 @@ class Shown(Watch):
         """
         name_column, rate_column = TextColumn("{task.description:>15}"), TextColumn("{task.fields[rate]}")
         columns = (name_column, BarColumn(), MofNCompleteColumn(), rate_column, TimeRemainingColumn())
-        with Progress(*columns, console=progress_console, transient=True) as progress:
+        quiet = not progress_console.is_terminal
+        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as progress:
             bar = progress.add_task(name, total=len(items), rate="")
             for item in super().track(name, items):
                 yield item

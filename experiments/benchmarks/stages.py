@@ -40,18 +40,15 @@ def main() -> None:
     machine = f"{platform.machine()}, {numba.config.NUMBA_NUM_THREADS} threads, Python {platform.python_version()}"
     print(f"scene {arguments.scene}, {part.n_pings} pings of 2 x {part.n_samples} samples")
     print(f"commit {commit.stdout.strip()}, {machine}, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
-    print(
-        "| stage | once: first run less median [s] | median later [ms a ping] | spread [ms a ping] |\n|---|---|---|---|"
-    )
+    print("| stage | first run [ms a ping] | median later [ms a ping] | spread [ms a ping] |\n|---|---|---|---|")
     print(f"| simulation, compilation included | | {simulated:.2f} | |")
     for stage, seconds in first.items():
         rest = [1e3 * run[stage] / part.n_pings for run in later]
         spread = f"{min(rest):.2f} to {max(rest):.2f}"
-        once = seconds - 1e-3 * statistics.median(rest) * part.n_pings
-        print(f"| {stage} | {once:.1f} | {statistics.median(rest):.2f} | {spread} |")
+        print(f"| {stage} | {1e3 * seconds / part.n_pings:.2f} | {statistics.median(rest):.2f} | {spread} |")
     totals = [1e3 * sum(run.values()) / part.n_pings for run in later]
-    once = sum(first.values()) - 1e-3 * statistics.median(totals) * part.n_pings
-    print(f"| all | {once:.1f} | {statistics.median(totals):.2f} | {min(totals):.2f} to {max(totals):.2f} |")
+    spread = f"{min(totals):.2f} to {max(totals):.2f}"
+    print(f"| all | {1e3 * sum(first.values()) / part.n_pings:.2f} | {statistics.median(totals):.2f} | {spread} |")
 
 
 if __name__ == "__main__":

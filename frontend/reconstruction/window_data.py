@@ -15,6 +15,8 @@ from frontend.reconstruction.forward import Beams, Bins, Raster
 from frontend.recording import Recording
 from frontend.windows import Window
 
+_MOST_CELLS = 2e7  # some 10 GB of work; a window of 100 m at 3 cm has half of it
+
 
 @dataclass(frozen=True)
 class WindowData:
@@ -127,6 +129,11 @@ def raster_of(data: WindowData, spacing: float) -> Raster:
     -------
     raster : Raster
         Its origin is a whole multiple of the spacing.
+
+    Raises
+    ------
+    ValueError
+        If the grid would not fit in any memory.
     """
     reach = data.slant_range_max
     side = data.T_submap_pings[:, :2, 1]
@@ -137,6 +144,12 @@ def raster_of(data: WindowData, spacing: float) -> Raster:
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     first = np.floor(low / spacing).astype(int)
     last = np.ceil(high / spacing).astype(int)
+    n_cells = float(np.prod(last - first + 1.0))
+    if n_cells > _MOST_CELLS:
+        raise ValueError(
+            f"a window of {n_cells:.0e} cells of {spacing} m given, at most {_MOST_CELLS:.0e} wanted: "
+            "larger cells or shorter windows"
+        )
     n_x, n_y = (next_fast_len(int(n), real=True) for n in last - first + 1)  # for the cosine transforms
     return Raster(n_y, n_x, spacing, (float(first[0] * spacing), float(first[1] * spacing)))
 

@@ -1,12 +1,15 @@
 """First bottom return on floors of known depth, through ringing, dropouts and a wrong altimeter."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frontend.bottom import Bottom, BottomConfig, find_bottom
 from frontend.recording import Recording
+from sssslam.readers import read
 from tests.frontend.flat_floor import SPACING, FlatFloor
 
 # The search averages three samples: an edge is found to the sample, early by at most two.
@@ -155,3 +158,15 @@ def test_echoes_are_not_changed(level: Recording) -> None:
     find(level)
     np.testing.assert_array_equal(level.port, before[0])
     np.testing.assert_array_equal(level.starboard, before[1])
+
+
+@pytest.mark.skipif("SSSSLAM_DATA" not in os.environ, reason="SSSSLAM_DATA is not set: no real recording")
+def test_a_recorded_bottom_is_smooth_and_near_the_altimeter() -> None:
+    wreck = read(Path(os.environ["SSSSLAM_DATA"]) / "recordings" / "scotsman-iver2.xtf")
+    bottom = find(wreck)
+    # the altimeter sits elsewhere on the hull and hears another footprint: a few decimetres of five metres
+    assert bottom.altimeter_scale == pytest.approx(1.0, abs=0.15)
+    assert np.abs(bottom.first_bottom_return - bottom.altitude[:, None]).max() < 1.5
+    assert np.abs(np.diff(bottom.first_bottom_return, axis=0)).max() < 0.3
+    # both sides hear the same floor
+    assert np.median(np.abs(np.diff(bottom.first_bottom_return, axis=1))) < 0.1

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from frontend.frames import rotation_world_body
+from frontend.reconstruction import kernels
 from frontend.reconstruction.forward import (
     ROW_LENGTH,
     Beams,
@@ -197,3 +198,27 @@ def test_one_thread_and_two_give_the_same_bytes() -> None:
         found.append([array.tobytes() for array in arrays])
     numba.set_num_threads(before)
     assert found[0] == found[1]
+
+
+def test_compiled_kernels_do_what_their_python_says() -> None:
+    z, rho, raster, _ = flat()
+    z += 0.3 * np.sin(0.4 * np.arange(raster.n_y))[:, None]
+    grid = (raster.n_y, raster.n_x, raster.spacing, *raster.origin)
+    row = np.zeros((1, 2, 14))  # a line along x at the origin: side axis, up axis, heading, walk
+    row[..., 8], row[..., 9], row[:, 0, 4], row[:, 0, 12], row[:, 1, 4], row[:, 1, 12] = 1, 1, 1, 1, -1, -1
+    tables = make_tables()
+    packed = (tables.log_beam, tables.log_range, np.array([-0.5, 0.035, 0.25, 2.0]))
+    weight = np.random.default_rng(1).standard_normal((1, 2, 60))
+    results = []
+    for compiled in (True, False):
+        render_lines, pull = (
+            kernel if compiled else getattr(kernel, "py_func", kernel)
+            for kernel in (kernels._render, kernels._pull_back)
+        )
+        mu, gradients = np.zeros((1, 2, 60)), np.zeros((8, 2, *raster.shape))
+        render_lines(z, rho, grid, row, packed, 0.4, mu)
+        pull(z, rho, grid, row, packed, 0.4, weight, gradients)
+        results.append((mu, gradients.sum(axis=0)))
+    # the compiler may fuse a multiplication with an addition
+    np.testing.assert_allclose(results[0][0], results[1][0], rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(results[0][1], results[1][1], rtol=1e-9, atol=1e-12 * np.abs(results[1][1]).max())

@@ -86,6 +86,11 @@ def test_the_raster_holds_transducers_and_swath(spacing: float) -> None:
     np.testing.assert_allclose(np.array(raster.origin) / spacing, np.round(np.array(raster.origin) / spacing))
 
 
+def test_a_raster_that_fits_in_no_memory_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"cells of 0\.001 m given, at most 2e\+07 wanted: larger cells"):
+        raster_of(make_data(make_recording()), 1e-3)
+
+
 def test_the_mean_of_equal_echoes_is_their_value() -> None:
     _beams, bins = beams_and_bins(make_data(make_recording()), 0.5, 2, MODEL)
     seen = bins.looks > 0
