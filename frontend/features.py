@@ -65,7 +65,7 @@ class Features:
     descriptors : ndarray, shape (K, 33)
         FPFH histograms: three angles of 11 bins that sum to 200 each [1].
     normals : ndarray, shape (K, 3)
-        Upward unit normals of the relief.
+        Upward unit normals of the exaggerated relief.
     """
 
     keypoints: FloatArray

@@ -175,7 +175,8 @@ def _compare(target: _Place, source: _Place, prior: Prior, config: LoopClosureCo
     verified = [verify(target.layers, source.layers, T, config.registration) for T in starts]
     if not verified:
         return _row(target, source, len(matches), None, Rejection.NO_ALIGNMENT)
-    best = max(verified, key=lambda v: v.significance)
+    inside = [v for v in verified if prior.admits(v.T_target_source)]
+    best = max(inside or verified, key=lambda v: v.significance)
     others = [v.significance for v in verified if _is_elsewhere(v, best, config.search.separation)]
     rejection = decide(best, max(others, default=0.0), prior, config.acceptance)
     p, q = target.features.keypoints[matches[:, 0]], source.features.keypoints[matches[:, 1]]

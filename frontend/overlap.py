@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from frontend.arrays import FloatArray
 from frontend.relief import Relief
+from frontend.sampling import sample_rasters
 
 
 @dataclass(frozen=True)
@@ -151,36 +151,6 @@ def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float])
     )
 
 
-def sample_rasters(
-    rasters: FloatArray,
-    positions: FloatArray,
-    frame: tuple[float, float, float],
-    planar: tuple[float, float, float],
-) -> FloatArray:
-    """Sample rasters at positions given in another level frame.
-
-    Parameters
-    ----------
-    rasters : ndarray, shape (n_y, n_x, C)
-        Rasters of one grid; the first is the trust [1], 0 where unknown.
-    positions : ndarray, shape (K, 2 or more)
-        x and y in the other frame [m].
-    frame : tuple of float
-        x and y of the first cell and the spacing of the grid [m].
-    planar : tuple of float
-        x, y [m] and yaw [rad] of the transform from the positions' frame to the grid's.
-
-    Returns
-    -------
-    samples : ndarray, shape (K, C)
-        Bilinear samples; all 0 where one of the four cells around is outside the grid or has no trust.
-    """
-    samples = np.zeros((len(positions), rasters.shape[2]))
-    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
-    sample(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples)
-    return samples
-
-
 def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> float:
     """Correlation coefficient of two weighted samples.
 
@@ -200,25 +170,3 @@ def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> fl
     a, b = a - np.sum(weight * a) / total, b - np.sum(weight * b) / total
     scale = float(np.sqrt(np.sum(weight * a**2) * np.sum(weight * b**2)))
     return float(np.clip(np.sum(weight * a * b) / scale, -1.0, 1.0)) if scale > 1e-12 * total else 0.0
-
-
-@numba.njit(cache=True)  # type: ignore[misc]
-def sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
-    """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
-    cosine, sine = np.cos(planar[2]), np.sin(planar[2])
-    n_y, n_x, n_channels = rasters.shape
-    for k in range(cells.shape[0]):
-        x, y = cells[k, 0], cells[k, 1]
-        column = (planar[0] + cosine * x - sine * y - frame[0]) / frame[2]
-        row = (planar[1] + sine * x + cosine * y - frame[1]) / frame[2]
-        j, i = int(np.floor(column)), int(np.floor(row))
-        if i < 0 or j < 0 or i >= n_y - 1 or j >= n_x - 1:
-            continue
-        corners = min(rasters[i, j, 0], rasters[i, j + 1, 0], rasters[i + 1, j, 0], rasters[i + 1, j + 1, 0])
-        if corners <= 0.0:
-            continue
-        u, v = column - j, row - i
-        for c in range(n_channels):
-            low = (1 - u) * rasters[i, j, c] + u * rasters[i, j + 1, c]
-            high = (1 - u) * rasters[i + 1, j, c] + u * rasters[i + 1, j + 1, c]
-            out[k, c] = (1 - v) * low + v * high

@@ -10,6 +10,7 @@ from frontend.arrays import FloatArray
 from frontend.frames import planar_parameters, wrap_angle
 
 _PLANAR = [3, 4, 2]  # x, y and yaw of a rotation-first 6-vector
+_LEAST_SIGMAS = np.array([0.1, 0.1, 0.002])  # [m], [m], [rad] to which a window is a rigid thing at all
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Prior:
         covariance = np.asarray(self.covariance)
         if covariance.shape != (6, 6):
             raise ValueError(f"the covariance of a relative pose must be (6, 6), got {covariance.shape}")
-        if not (np.isfinite(self.planar_covariance).all() and np.linalg.eigvalsh(self.planar_covariance)[0] > 0):
-            raise ValueError("the covariance of a relative pose must be finite and positive definite in x, y and yaw")
+        if not np.isfinite(covariance).all() or np.linalg.eigvalsh(covariance)[0] < -1e-9 * np.abs(covariance).max():
+            raise ValueError("the covariance of a relative pose must be finite and have no negative variance")
 
     @cached_property
     def planar(self) -> tuple[float, float, float]:
@@ -44,8 +45,8 @@ class Prior:
 
     @cached_property
     def planar_covariance(self) -> FloatArray:
-        """Shape (3, 3): covariance of x, y and yaw."""
-        return np.asarray(self.covariance, dtype=np.float64)[np.ix_(_PLANAR, _PLANAR)]
+        """Shape (3, 3): covariance of x, y and yaw, at least that of a window's own shape."""
+        return np.asarray(self.covariance, dtype=np.float64)[np.ix_(_PLANAR, _PLANAR)] + np.diag(_LEAST_SIGMAS**2)
 
     @cached_property
     def sigma_yaw(self) -> float:

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.frames import planar_parameters, planar_pose
-from frontend.overlap import Layers, Overlap, lay_over, sample
+from frontend.overlap import Layers, Overlap, lay_over
+from frontend.sampling import normal_equations
 
 
 class RegistrationConfig(BaseModel):
@@ -143,40 +143,14 @@ def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
 
 def _step(target: Layers, source: Layers, planar: tuple[float, float, float], config: RegistrationConfig) -> FloatArray:
     """One Gauss-Newton step of x, y, yaw, shortened to its limits; zero where nothing fixes it."""
-    frame = np.array([*target.relief.origin, target.relief.spacing])
-    H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    _normal_equations(target.shape, source.shape_cells, frame, np.array(planar), config.tuning, H, H_common, g)
+    frame = (*target.relief.origin, target.relief.spacing)
+    H, H_common, g = normal_equations(target.shape, source.shape_cells, frame, planar, config.tuning)
     if not np.linalg.cond(H) < 1e12:
         return np.zeros(3)
     damped = (H_common + H_common.T) / 2 + _DAMPING * H
     step = np.linalg.solve(damped if np.linalg.eigvalsh(damped)[0] > 0 else H, g)
     excess = max(float(np.hypot(step[0], step[1])) / config.max_step, abs(float(step[2])) / config.max_turn, 1.0)
     return np.asarray(step / excess)
-
-
-@numba.njit(cache=True)  # type: ignore[misc]
-def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  # type: ignore[no-untyped-def]
-    """J^T W J, J^T W J_source, J^T W e of x, y, yaw; rasters and cells hold weight, relief, slopes along x and y."""
-    samples = np.zeros((cells.shape[0], 4))
-    sample(rasters, cells, frame, planar, samples)
-    met = samples[:, 0] > 0
-    if met.sum() < 3:
-        return
-    error = cells[:, 3] - samples[:, 1]
-    scale = tuning * (1.4826 * np.median(np.abs(error[met])) + 1e-9)
-    cosine, sine, J, J_source = np.cos(planar[2]), np.sin(planar[2]), np.empty(3), np.empty(3)
-    for k in np.flatnonzero(met & (np.abs(error) < scale)):
-        weight = samples[k, 0] * cells[k, 2] * (1 - (error[k] / scale) ** 2) ** 2
-        u, v = cosine * cells[k, 0] - sine * cells[k, 1], sine * cells[k, 0] + cosine * cells[k, 1]
-        J[0], J[1] = samples[k, 2], samples[k, 3]
-        J_source[0] = cosine * cells[k, 4] - sine * cells[k, 5]
-        J_source[1] = sine * cells[k, 4] + cosine * cells[k, 5]
-        J[2], J_source[2] = J[1] * u - J[0] * v, J_source[1] * u - J_source[0] * v
-        for i in range(3):
-            g[i] += weight * J[i] * error[k]
-            for j in range(3):
-                H[i, j] += weight * J[i] * J[j]
-                H_common[i, j] += weight * J[i] * J_source[j]
 
 
 def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:

@@ -9,9 +9,9 @@ from frontend.arrays import FloatArray
 from frontend.chance import significance
 from frontend.correlation import CorrelationSurface, correlate, padded_shape, spectra
 from frontend.frames import planar_pose
-from frontend.overlap import sample_rasters
 from frontend.priors import Prior
 from frontend.relief import Relief, coarsen
+from frontend.sampling import sample_rasters
 from frontend.verification import joint_area
 
 
@@ -85,7 +85,7 @@ def propose(target: Relief, source: Relief, prior: Prior, config: SearchConfig |
     least = config.min_overlap * min(target.area, source.area)
     area = joint_area(target, source)
     target, source = coarsen(target, config.search_spacing), coarsen(source, config.search_spacing)
-    yaws = prior.planar[2] + _offsets(prior.n_sigmas * prior.sigma_yaw, config.yaw_step)
+    yaws = prior.planar[2] + _offsets(min(prior.n_sigmas * prior.sigma_yaw, np.pi), config.yaw_step)
     turned = [_turn(source, float(yaw)) for yaw in yaws]
     padded = padded_shape(target.z.shape, tuple(max(sizes) for sizes in zip(*(t.z.shape for t in turned), strict=True)))
     target_spectra = spectra(target.z, target.weight, padded)

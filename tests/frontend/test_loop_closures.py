@@ -133,14 +133,14 @@ def test_a_row_holds_the_evidence():
 
 def test_errors_of_accepted_closures_agree_with_their_sigmas():
     squares = []
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng(200 + seed)
         poses = [(x + rng.uniform(-15, 15), y + rng.uniform(-15, 15), yaw) for x, y, yaw in HEADINGS]
         for closure in closures_of(dive(rough_seafloor(rng), poses, rng, error=0.08)):
             if closure.accepted:
                 shift, yaw = error_of(closure, poses)
                 squares.append((shift**2 / np.sum(closure.sigmas[3:5] ** 2) * 2 + yaw**2 / closure.sigmas[2] ** 2) / 3)
-    assert len(squares) > 30
+    assert len(squares) > 14
     # sigmas are doubled for the drift inside real windows, which these lack: a quarter is what exact ones would give
     assert 0.05 < np.mean(squares) < 1.5
 

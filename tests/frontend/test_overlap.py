@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frontend import overlap as module
-from frontend.overlap import lay_over, sample_rasters, stack_layers, weighted_correlation
+from frontend.overlap import lay_over, stack_layers, weighted_correlation
 from frontend.relief import Relief, extract_relief
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
@@ -18,45 +17,6 @@ def layers_of(z, origin=(0.0, 0.0), weight=None):
 def bilinear_field(shape):
     y, x = np.mgrid[0 : shape[0], 0 : shape[1]].astype(float)
     return 1.0 + 0.5 * x - 0.25 * y + 0.1 * x * y
-
-
-def test_a_bilinear_field_is_sampled_exactly_at_turned_and_shifted_positions():
-    rasters = np.stack([np.ones((8, 9)), bilinear_field((8, 9))], axis=-1)
-    positions = np.array([[0.3, -0.4], [1.0, 2.0]])
-    planar = (3.0, 2.5, 0.7)
-    x = 3.0 + np.cos(0.7) * positions[:, 0] - np.sin(0.7) * positions[:, 1]
-    y = 2.5 + np.sin(0.7) * positions[:, 0] + np.cos(0.7) * positions[:, 1]
-    samples = sample_rasters(rasters, positions, (0.0, 0.0, 1.0), planar)
-    assert samples[:, 1] == pytest.approx(1.0 + 0.5 * x - 0.25 * y + 0.1 * x * y)
-
-
-def test_origin_and_spacing_of_the_grid_count():
-    rasters = np.stack([np.ones((8, 9)), bilinear_field((8, 9))], axis=-1)
-    at = np.array([[10.0 + 0.5 * 3, -4.0 + 0.5 * 2]])
-    assert sample_rasters(rasters, at, (10.0, -4.0, 0.5), (0.0, 0.0, 0.0))[0, 1] == pytest.approx(1 + 1.5 - 0.5 + 0.6)
-
-
-@pytest.mark.parametrize("at", [(-0.01, 3.0), (3.0, -0.01), (8.0, 3.0), (3.0, 7.0), (1e9, 0.0)])
-def test_positions_outside_the_grid_have_no_trust(at):
-    rasters = np.ones((8, 9, 2))
-    assert not sample_rasters(rasters, np.array([at]), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)).any()
-
-
-def test_positions_beside_a_cell_without_trust_have_none():
-    rasters = np.ones((8, 9, 2))
-    rasters[4, 4, 0] = 0
-    beside, apart = sample_rasters(rasters, np.array([[3.5, 3.5], [2.5, 2.5]]), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    assert not beside.any()
-    assert apart.all()
-
-
-def test_the_kernel_is_its_own_python_function():
-    rng = np.random.default_rng(0)
-    rasters, cells, frame = rng.uniform(0, 1, (7, 6, 3)), rng.uniform(0, 6, (30, 2)), np.array([0.5, 0.25, 1.0])
-    planar, compiled, plain = np.array([0.2, 0.4, 0.3]), np.zeros((30, 3)), np.zeros((30, 3))
-    module.sample(rasters, cells, frame, planar, compiled)
-    getattr(module.sample, "py_func", module.sample)(rasters, cells, frame, planar, plain)
-    assert compiled == pytest.approx(plain, abs=1e-14)
 
 
 def test_a_submap_laid_over_itself_overlaps_and_correlates_fully():

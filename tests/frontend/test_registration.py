@@ -8,6 +8,7 @@ from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.overlap import lay_over, stack_layers
 from frontend.registration import RegistrationConfig, register
 from frontend.relief import Relief, extract_relief
+from frontend.sampling import normal_equations
 from tests.frontend.seafloor_scenes import Seafloor, cut_submap, rough_seafloor
 
 TARGET = (150.0, 150.0, 0.4)
@@ -77,12 +78,10 @@ def test_a_valley_fixes_the_place_across_but_not_along():
 def test_the_normal_equations_are_those_of_numpy():
     relative = (5.0, 8.0, 0.8)
     a, b = (layers_of(s) for s in two_passes(2, relative))
-    overlap = lay_over(a, b, relative)
-    (J, J_source), weight = module._jacobians(overlap, 0.8), module._weights(overlap, RegistrationConfig())
-    H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    frame = np.array([*a.relief.origin, a.relief.spacing])
-    tuning = RegistrationConfig().tuning
-    module._normal_equations(a.shape, b.shape_cells, frame, np.array(relative), tuning, H, H_common, g)
+    overlap, config = lay_over(a, b, relative), RegistrationConfig()
+    (J, J_source), weight = module._jacobians(overlap, 0.8), module._weights(overlap, config)
+    frame = (*a.relief.origin, a.relief.spacing)
+    H, H_common, g = normal_equations(a.shape, b.shape_cells, frame, relative, config.tuning)
     assert pytest.approx(J.T @ (weight[:, None] * J), rel=1e-9) == H
     assert pytest.approx(J.T @ (weight[:, None] * J_source), rel=1e-9) == H_common
     assert pytest.approx(J.T @ (weight * (overlap.z_source - overlap.z_target)), rel=1e-9) == g
