@@ -25,6 +25,7 @@ Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the products.
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML file; see `sssslam config`.")]
 Settings = Annotated[list[str] | None, typer.Option("-s", "--set", help="section.key=value; may be repeated.")]
 Channels = Annotated[str | None, typer.Option(help="Which channels of a dual-frequency file, such as 3,4 or 900kHz.")]
+MethodName = Annotated[str | None, typer.Option(help="Method of reconstruction; same as -s reconstruction.method=.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of the scene.", min=0)]
 
 
@@ -111,18 +112,21 @@ def reconstruct(
     config: ConfigFile = None,
     settings: Settings = None,
     channels: Channels = None,
+    method: MethodName = None,
 ) -> None:
     """Examples:
 
     \b
       sssslam reconstruct dive.xtf -o shape
+      sssslam reconstruct dive.xtf -o shape --method joint
       sssslam reconstruct dive.xtf -o shape -s reconstruction.joint.spacing=0.5
 
     Reconstruct the seafloor window by window: submaps and a figure, no change of the track.
     """
     from sssslam import commands
 
-    commands.reconstruct(recordings, out, channels, commands.configuration(config, settings))
+    chosen = [*(settings or ()), *([] if method is None else [f"reconstruction.method={method}"])]
+    commands.reconstruct(recordings, out, channels, commands.configuration(config, chosen))
 
 
 @app.command()

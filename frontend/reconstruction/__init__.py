@@ -18,6 +18,11 @@ __all__ = ["JointConfig", "Method", "ReconstructionConfig", "calibrate", "method
 
 Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
 
+# name of a method and of its section -> what does it
+_METHODS: dict[str, Callable[..., Submap]] = {
+    "joint": joint.reconstruct,
+}
+
 
 class ReconstructionConfig(BaseModel):
     """Which method, and its settings."""
@@ -43,6 +48,5 @@ def method_of(config: ReconstructionConfig) -> Method:
     method : callable
         Takes a recording, a window, the dive's bottom and radiometry; gives a Submap.
     """
-    return lambda recording, window, bottom, radiometry: joint.reconstruct(
-        recording, window, bottom, radiometry, config.joint
-    )
+    reconstruct, section = _METHODS[config.method], getattr(config, config.method)
+    return lambda recording, window, bottom, radiometry: reconstruct(recording, window, bottom, radiometry, section)

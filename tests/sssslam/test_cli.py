@@ -215,6 +215,14 @@ def test_a_fault_of_the_program_can_be_traced(shell: Shell, monkeypatch: pytest.
         shell("info", "nowhere.xtf")
 
 
+def test_an_unknown_method_of_reconstruction_is_refused(shell: Shell, dive: Path) -> None:
+    status, _, errors = shell("reconstruct", dive, "-o", "out", "--method", "guess")
+    assert status == 1
+    assert is_one_line(errors)
+    assert "reconstruction.method" in errors
+    assert "'guess'" in errors
+
+
 def sssslam_process(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
     code = "from sssslam.cli import main; main()"
