@@ -34,7 +34,7 @@ def slant_to_ground_range(slant_range: ArrayLike, altitude: ArrayLike, pitch: Ar
 
     Parameters
     ----------
-    slant_range : array_like, shape (M,)
+    slant_range : array_like, shape (M,) or (N, M)
         Distance from transducer to echo [m].
     altitude : array_like, shape (N,)
         Height of the transducer above the seafloor at each ping [m].
@@ -65,7 +65,7 @@ def slant_to_ground_range(slant_range: ArrayLike, altitude: ArrayLike, pitch: Ar
     if not np.all(altitude > 0):
         raise ValueError(f"altitude must be positive, got {np.min(altitude)} m")
     perpendicular = (altitude / np.cos(pitch))[:, None]
-    square = np.asarray(slant_range, dtype=np.float64)[None, :] ** 2 - perpendicular**2
+    square = np.atleast_2d(np.asarray(slant_range, dtype=np.float64)) ** 2 - perpendicular**2
     return np.sqrt(np.where(square >= 0, square, np.nan))
 
 
@@ -74,7 +74,7 @@ def off_nadir_angle(slant_range: ArrayLike, altitude: ArrayLike, attitude: tuple
 
     Parameters
     ----------
-    slant_range : array_like, shape (M,)
+    slant_range : array_like, shape (M,) or (N, M)
         Distance from transducer to echo [m].
     altitude : array_like, shape (N,)
         Height of the transducer above the seafloor [m].
@@ -94,6 +94,6 @@ def off_nadir_angle(slant_range: ArrayLike, altitude: ArrayLike, attitude: tuple
     """
     roll, pitch = (np.asarray(a, dtype=np.float64) for a in attitude)
     perpendicular = (np.asarray(altitude, dtype=np.float64) / np.cos(pitch))[:, None]
-    ratio = perpendicular / np.asarray(slant_range, dtype=np.float64)[None, :]
+    ratio = perpendicular / np.atleast_2d(np.asarray(slant_range, dtype=np.float64))
     t = np.arccos(np.where(ratio <= 1, ratio, np.nan))
     return np.stack([t - roll[:, None], t + roll[:, None]], axis=1)
