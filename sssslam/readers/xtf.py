@@ -12,6 +12,7 @@ from frontend.arrays import BoolArray, FloatArray
 from frontend.georeference import Georeference
 from frontend.recording import Recording, SonarGeometry
 from sssslam.readers.ping_times import repair_times
+from sssslam.readers.xtf_better_navigation import better_navigation
 from sssslam.readers.xtf_blocks import Blocks, read_blocks
 from sssslam.readers.xtf_channels import Channel, Pair, choose_pair, side_scan_channels
 from sssslam.readers.xtf_lines import Lines, Rows, match_sides, read_sides, slant_ranges
@@ -26,7 +27,8 @@ from sssslam.readers.xtf_packets import (
     map_file,
     read_file_header,
 )
-from sssslam.readers.xtf_samples import check_samples
+from sssslam.readers.xtf_raw_packets import read_raw_series
+from sssslam.readers.xtf_samples import check_samples, gain_notes
 from sssslam.readers.xtf_trajectory import make_trajectory, speed_in_metres
 
 _MAX_LEVER_ARM = 100.0
@@ -132,14 +134,23 @@ def _read_dive(path: Path, data: mmap.mmap, channels: str | None) -> _Dive:
     rows = match_sides(pair, blocks, slant_range, pings["PingNumber"].astype(np.int64))
     _check_rows(rows)
     navigation, is_geographic, more = raw_navigation(pings[rows.ping], header.nav_units)
+    time, repairs = repair_times(ping_stamps(pings[rows.ping]), _nominal_interval(blocks, rows))
+    navigation, replaced = better_navigation(navigation, is_geographic, time, read_raw_series(data, index))
     is_good = good_pings(navigation, is_geographic)
     _check_positions(is_good)
-    rows, navigation = rows[is_good], navigation[is_good]
+    rows, navigation, time = rows[is_good], navigation[is_good], time[is_good]
     lines = read_sides(data, pair, blocks, rows, navigation.altitude)
-    time, repairs = repair_times(ping_stamps(pings[rows.ping]), _nominal_interval(blocks, rows, lines))
     n_dropped = index.n_cut + _count_dropped(len(pings), blocks, pair, rows)
 
-    notes = [*_notes(index, listing, pair, n_dropped), *lines.notes, *more, *notes, *repairs]
+    notes = [
+        *_notes(index, listing, pair, n_dropped),
+        *lines.notes,
+        *gain_notes(pair, blocks),
+        *more,
+        *notes,
+        *repairs,
+        *replaced,
+    ]
     sha256, sonar = hashlib.sha256(data).hexdigest(), _sonar(pair)
     geometry = rows.sample_spacing, sound_speed[rows.ping]
     return _Dive(path, sha256, lines, *geometry, time, navigation, is_geographic, sonar, n_dropped, notes)
@@ -167,11 +178,12 @@ def _check_positions(is_good: BoolArray) -> None:
         )
 
 
-def _nominal_interval(blocks: Blocks, rows: Rows, lines: Lines) -> float:
+def _nominal_interval(blocks: Blocks, rows: Rows) -> float:
     """Time between pings where no stamp tells: as recorded, or the time that sound needs there and back [s]."""
-    recorded = blocks.header["SecondsPerPing"][np.maximum(rows.port, rows.starboard)].astype(np.float64)
+    sides = np.maximum(rows.port, rows.starboard)
+    recorded = blocks.header["SecondsPerPing"][sides].astype(np.float64)
     known = recorded[(recorded > 1e-3) & (recorded < 60)]
-    travel = float(np.median(rows.sample_spacing)) * lines.port.shape[1] * 2 / 1500.0
+    travel = float(np.median(rows.sample_spacing * blocks.n_samples[sides])) * 2 / 1500.0
     return float(np.median(known)) if known.size else max(travel, 1e-3)
 
 

@@ -11,7 +11,7 @@ from sssslam.readers.held_navigation import stray_positions
 from sssslam.readers.ping_times import seconds_since_1970
 
 _DEGREES = pyxtf.XTFNavUnits.latlon.value
-_METRES_PER_DEGREE = 111.3e3
+METRES_PER_DEGREE = 111.3e3
 # Sound in water [m/s]; the format's default is half of it, 750 m/s "one way".
 _SOUND_SPEED, _SOUND_SPEED_BOUNDS = 1500.0, (1350.0, 1650.0)
 
@@ -184,7 +184,7 @@ def good_pings(navigation: RawNavigation, is_geographic: bool) -> BoolArray:
     if known.size:
         east, north = navigation.east[known], navigation.north[known]
         if is_geographic:
-            east = np.unwrap(east, period=360) * _METRES_PER_DEGREE * np.cos(np.radians(np.median(north)))
-            north = north * _METRES_PER_DEGREE
+            east = np.unwrap(east, period=360) * METRES_PER_DEGREE * np.cos(np.radians(np.median(north)))
+            north = north * METRES_PER_DEGREE
         is_good[known] = ~stray_positions(east, north)
     return is_good

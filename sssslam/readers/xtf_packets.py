@@ -18,8 +18,19 @@ import pyxtf
 from frontend.arrays import AnyArray, IntArray
 
 
-def _layout(structure: type[ctypes.Structure]) -> np.dtype[np.void]:
-    """The numpy dtype of a ctypes structure, inherited fields included (numpy itself leaves them out)."""
+def layout(structure: type[ctypes.Structure]) -> np.dtype[np.void]:
+    """The numpy dtype of a ctypes structure, inherited fields included (numpy itself leaves them out).
+
+    Parameters
+    ----------
+    structure : type
+        A packed structure of pyxtf.
+
+    Returns
+    -------
+    dtype : dtype
+        The same fields at the same offsets.
+    """
     fields = [f for base in reversed(structure.__mro__) for f in vars(base).get("_fields_", [])]
     offsets = [getattr(structure, f[0]).offset for f in fields]
     names, formats = [f[0] for f in fields], [np.dtype(f[1]) for f in fields]
@@ -28,9 +39,13 @@ def _layout(structure: type[ctypes.Structure]) -> np.dtype[np.void]:
     )
 
 
-PING_HEADER = _layout(pyxtf.XTFPingHeader)
-BLOCK_HEADER = _layout(pyxtf.XTFPingChanHeader)
-CHANNEL = _layout(pyxtf.XTFChanInfo)
+PING_HEADER = layout(pyxtf.XTFPingHeader)
+BLOCK_HEADER = layout(pyxtf.XTFPingChanHeader)
+CHANNEL = layout(pyxtf.XTFChanInfo)
+# Attitude, navigation, gyros and raw position: each at least 64 bytes long.
+_RAW_NAMES = ("attitude", "navigation", "gyro", "sourcetime_gyro", "pos_raw_navigation")
+RAW_TYPES = tuple(pyxtf.XTFHeaderType[name].value for name in _RAW_NAMES)
+RAW_SIZE = 64
 SIDE_TYPES = (pyxtf.XTFChannelType.port.value, pyxtf.XTFChannelType.stbd.value)
 SAMPLE_SIZES = (1, 2, 4)
 MAX_CHANNELS = 64
@@ -78,6 +93,8 @@ class PacketIndex:
         Bytes that belong to no whole packet.
     kinds : dict of int to int
         Number of whole packets of each type.
+    raw : dict of int to ndarray of int
+        Offsets of the packets that hold navigation beside the pings, by type [bytes].
     """
 
     pings: IntArray
@@ -85,6 +102,7 @@ class PacketIndex:
     n_cut: int
     n_skipped: int
     kinds: dict[int, int]
+    raw: dict[int, IntArray]
 
 
 def map_file(path: Path) -> mmap.mmap:
@@ -204,7 +222,9 @@ def _sonar_packets(
     is_ping = (table[2] == _SONAR) & (table[1] >= PING_HEADER.itemsize)
     numbers, counts = np.unique(table[2], return_counts=True)
     met = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
-    return PacketIndex(table[0, is_ping], table[1, is_ping], n_cut, n_skipped, met)
+    is_whole = table[1] >= RAW_SIZE
+    raw = {kind: table[0, is_whole & (table[2] == kind)] for kind in RAW_TYPES if kind in met}
+    return PacketIndex(table[0, is_ping], table[1, is_ping], n_cut, n_skipped, met, raw)
 
 
 def _packet_at(data: mmap.mmap | memoryview, position: int) -> tuple[int, int]:

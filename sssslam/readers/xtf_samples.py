@@ -94,6 +94,34 @@ def read_samples(
     return samples
 
 
+def gain_notes(pair: Pair, blocks: Blocks) -> list[str]:
+    """Say where the receiver's gain was changed: its codes are the maker's own and cannot be undone.
+
+    Parameters
+    ----------
+    pair : Pair
+        The channels.
+    blocks : Blocks
+        The channel blocks of all pings.
+
+    Returns
+    -------
+    notes : list of str
+        One for each channel whose gain changes.
+    """
+    notes = []
+    for channel in pair.channels:
+        header = blocks.header[blocks.channel == channel.index]
+        codes = np.stack([header[name].astype(np.int64) for name in ("InitialGainCode", "GainCode")])
+        n = int(np.any(np.diff(codes) != 0, axis=0).sum())
+        if n:
+            low, high = codes[1].min(), codes[1].max()
+            notes.append(
+                f"the gain of {channel.side} changes {n} times (codes {low} to {high}): its brightness jumps there"
+            )
+    return notes
+
+
 def reverse_lines(samples: Float32Array, n_samples: IntArray) -> Float32Array:
     """Turn each line round, its unused end staying at the end.
 

@@ -67,6 +67,12 @@ def test_weight_scales_samples_by_powers_of_two(scene, write):
     np.testing.assert_array_equal(recording.port, scene().lines("p") / np.float32(8))
 
 
+def test_a_gain_that_is_changed_is_said(scene, write):
+    recording = read_xtf(write(scene(block={"GainCode": np.repeat([3, 7], 20)}).to_bytes()))
+    assert "the gain of port changes 1 times (codes 3 to 7): its brightness jumps there" in recording.notes
+    assert not any("the gain of" in note for note in read_xtf(write(scene(block={"GainCode": 5}).to_bytes())).notes)
+
+
 def test_navigation_follows_the_conventions_of_the_house(scene, write):
     recording = read_xtf(write(scene().to_bytes()))
     trajectory, k = recording.trajectory_dr, np.arange(40)
