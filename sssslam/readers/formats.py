@@ -49,6 +49,12 @@ def _read_netcdf(paths: Sequence[Path], channels: str | None) -> list[Recording]
     return [read_netcdf(path) for path in paths]
 
 
+def _read_starfish(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.starfish import read_starfish_files
+
+    return read_starfish_files(paths, channels)
+
+
 def _is_xtf(head: bytes) -> bool:
     """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
     return head[:1] == b"\x7b" and b"\0" in head
@@ -59,7 +65,16 @@ def _is_netcdf(head: bytes) -> bool:
     return head.startswith((b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05"))
 
 
-BUILT_IN = (Reader("XTF", _is_xtf, _read_xtf), Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf))
+def _is_starfish(head: bytes) -> bool:
+    """Name of the format at the start of a StarFish log."""
+    return head.startswith(b"StarfishScanlineLog\0")
+
+
+BUILT_IN = (
+    Reader("XTF", _is_xtf, _read_xtf),
+    Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf),
+    Reader("StarFish", _is_starfish, _read_starfish),
+)
 
 
 def known_readers() -> list[Reader]:
@@ -122,8 +137,8 @@ def find_reader(path: Path, readers: Sequence[Reader]) -> Reader:
     for reader in readers:
         if reader.recognises(head):
             return reader
-    names = " or ".join(reader.name for reader in readers)
-    raise ValueError(f"{path}: the format is unknown ({_first_look(head)}); {names} is wanted")
+    *names, last = (reader.name for reader in readers)
+    raise ValueError(f"{path}: the format is unknown ({_first_look(head)}); {', '.join(names)} or {last} is wanted")
 
 
 def _first_look(head: bytes) -> str:

@@ -1,0 +1,210 @@
+"""Dives: what the pings of a file say, brought into one local frame and made a Recording."""
+
+import hashlib
+import mmap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from frontend.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from frontend.georeference import Georeference
+from frontend.recording import Recording, SonarGeometry
+from sssslam.readers.ping_times import repair_times
+from sssslam.readers.xtf_navigation import RawNavigation, good_pings
+from sssslam.readers.xtf_packets import map_file
+from sssslam.readers.xtf_trajectory import make_trajectory
+
+# A ping this many times longer than the mean of all is damage, and would cost its length in every other row.
+_MAX_LENGTH_RATIO = 8.0
+
+
+@dataclass(frozen=True)
+class Pings:
+    """The pings of one file as recorded, before those without a position are left out.
+
+    Parameters
+    ----------
+    port, starboard : ndarray of float32, shape (P, M)
+        Samples, near end first; NaN where there is none.
+    sample_spacing : ndarray, shape (P,)
+        Slant range between samples [m].
+    sound_speed : ndarray, shape (P,)
+        Sound speed [m/s].
+    stamp : ndarray, shape (P,)
+        Time as recorded [s]; NaN where unknown.
+    navigation : RawNavigation
+        Navigation as recorded, but its speed in m/s.
+    sonar : SonarGeometry
+        The sonar.
+    notes : tuple of str
+        What was decided, assumed or skipped.
+    n_dropped : int
+        Pings that were left out already.
+    is_geographic : bool
+        Whether positions are degrees; else metres of a grid.
+    """
+
+    port: Float32Array
+    starboard: Float32Array
+    sample_spacing: FloatArray
+    sound_speed: FloatArray
+    stamp: FloatArray
+    navigation: RawNavigation
+    sonar: SonarGeometry = SonarGeometry()
+    notes: tuple[str, ...] = ()
+    n_dropped: int = 0
+    is_geographic: bool = True
+
+    def __getitem__(self, rows: AnyArray) -> "Pings":
+        names = ("port", "starboard", "sample_spacing", "sound_speed", "stamp", "navigation")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+@dataclass(frozen=True)
+class _Dive:
+    """The pings of one file that have a position, and their times."""
+
+    path: Path
+    sha256: str
+    pings: Pings
+    time: FloatArray
+
+
+def read_dives(paths: Sequence[Path], extract: Callable[[Path, mmap.mmap], Pings]) -> list[Recording]:
+    """Read several files of one format into one local frame.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    extract : callable
+        Takes a path and the bytes of the file, gives its pings or raises a ValueError without the path.
+
+    Returns
+    -------
+    recordings : list of Recording
+        One a file, in the order of time; the origin of their frame is the first good ping of the first.
+
+    Raises
+    ------
+    ValueError
+        If a file gives no recording, or some positions are degrees and some are metres.
+    """
+    dives = sorted((_dive(path, extract) for path in paths), key=lambda dive: dive.time[0])
+    first = dives[0]
+    for dive in dives[1:]:
+        if dive.pings.is_geographic != first.pings.is_geographic:
+            raise ValueError(
+                f"{first.path} and {dive.path}: one has positions in degrees and one in metres; one kind is wanted"
+            )
+    origin = float(first.pings.navigation.east[0]), float(first.pings.navigation.north[0])
+    georeference = Georeference(latitude=origin[1], longitude=origin[0]) if first.pings.is_geographic else None
+    return [_recording(dive, georeference, origin) for dive in dives]
+
+
+def _dive(path: Path, extract: Callable[[Path, mmap.mmap], Pings]) -> _Dive:
+    """The good pings of one file; its name goes before any complaint."""
+    try:
+        data = map_file(path)
+        pings = extract(path, data)
+        is_good = _good_pings(pings)
+        n_lost = int((~is_good).sum())
+        kept = pings[np.flatnonzero(is_good)]
+        time, repairs = repair_times(kept.stamp, _nominal_interval(kept))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror}); a readable recording is wanted") from None
+    lost = [f"pings dropped, for lack of a position that can be used: {n_lost}"] if n_lost else []
+    notes, n_dropped = (*pings.notes, *lost, *repairs), pings.n_dropped + n_lost
+    return _Dive(path, hashlib.sha256(data).hexdigest(), replace(kept, notes=notes, n_dropped=n_dropped), time)
+
+
+def _good_pings(pings: Pings) -> BoolArray:
+    """Pings with a position; refused if there is none."""
+    if not len(pings.stamp):
+        raise ValueError("the file holds no whole ping with samples on both sides; at least one is wanted")
+    is_good = good_pings(pings.navigation, pings.is_geographic)
+    if not is_good.any():
+        raise ValueError(
+            f"none of {len(is_good)} pings has a position (all are missing, zero or impossible); navigation is wanted"
+        )
+    return is_good
+
+
+def _nominal_interval(pings: Pings) -> float:
+    """The time that sound needs there and back [s]: what a ping takes at least, where no stamp tells."""
+    return max(float(np.median(2 * pings.sample_spacing / pings.sound_speed)) * pings.port.shape[1], 1e-3)
+
+
+def _recording(dive: _Dive, georeference: Georeference | None, origin: tuple[float, float]) -> Recording:
+    pings = dive.pings
+    trajectory, notes = make_trajectory(pings.navigation, dive.time, georeference, origin)
+    if georeference is None:
+        notes.append(
+            f"positions are metres of an unnamed grid; the origin is easting {origin[0]:.3f}, northing {origin[1]:.3f}"
+        )
+    return Recording(
+        port=pings.port,
+        starboard=pings.starboard,
+        sample_spacing=pings.sample_spacing,
+        sound_speed=pings.sound_speed,
+        trajectory_dr=trajectory,
+        altitude=pings.navigation.altitude,
+        depth=pings.navigation.depth,
+        speed=pings.navigation.speed,
+        sonar=pings.sonar,
+        georeference=georeference,
+        source=dive.path.name.encode("utf-8", "replace").decode(),
+        source_sha256=dive.sha256,
+        notes=(*pings.notes, *notes),
+        n_dropped=pings.n_dropped,
+    )
+
+
+def plausible_lengths(n_samples: IntArray) -> BoolArray:
+    """Which pings are of a length that the others make believable.
+
+    Parameters
+    ----------
+    n_samples : ndarray of int, shape (P,)
+        Number of samples of each ping.
+
+    Returns
+    -------
+    is_plausible : ndarray of bool, shape (P,)
+        False for an empty ping and for one much longer than the mean, so that all pings side by side take no more
+        memory than a small multiple of their file.
+    """
+    mean = float(n_samples.mean()) if n_samples.size else 0.0
+    return np.asarray((n_samples > 0) & (n_samples <= _MAX_LENGTH_RATIO * mean))
+
+
+def gather_lines(data: mmap.mmap, offsets: IntArray, n_samples: IntArray, dtype: str) -> Float32Array:
+    """Read the samples of many pings.
+
+    Parameters
+    ----------
+    data : mmap
+        The file.
+    offsets : ndarray of int, shape (P,)
+        Where the samples of each ping start [bytes].
+    n_samples : ndarray of int, shape (P,)
+        Number of samples of each ping.
+    dtype : str
+        Type of a sample, with its byte order.
+
+    Returns
+    -------
+    lines : ndarray of float32, shape (P, M)
+        Samples in the order of the file; NaN beyond the last sample of a ping.
+    """
+    lines = np.full((len(offsets), int(n_samples.max(initial=0))), np.nan, dtype=np.float32)
+    content = np.frombuffer(data, np.uint8)
+    for n in np.unique(n_samples[n_samples > 0]).tolist():
+        rows = np.flatnonzero(n_samples == n)
+        windows = np.lib.stride_tricks.sliding_window_view(content, n * np.dtype(dtype).itemsize)
+        lines[rows, :n] = windows[offsets[rows]].view(dtype)
+    return lines
