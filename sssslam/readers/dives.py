@@ -44,6 +44,8 @@ class Pings:
         Pings that were left out already.
     is_geographic : bool
         Whether positions are degrees; else metres of a grid.
+    sha256 : str
+        Of all files that the pings came from; empty for that of the one file read.
     """
 
     port: Float32Array
@@ -56,6 +58,7 @@ class Pings:
     notes: tuple[str, ...] = ()
     n_dropped: int = 0
     is_geographic: bool = True
+    sha256: str = ""
 
     def __getitem__(self, rows: AnyArray) -> "Pings":
         names = ("port", "starboard", "sample_spacing", "sound_speed", "stamp", "navigation")
@@ -119,7 +122,8 @@ def _dive(path: Path, extract: Callable[[Path, mmap.mmap], Pings]) -> _Dive:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); a readable recording is wanted") from None
     lost = [f"pings dropped, for lack of a position that can be used: {n_lost}"] if n_lost else []
     notes, n_dropped = (*pings.notes, *lost, *repairs), pings.n_dropped + n_lost
-    return _Dive(path, hashlib.sha256(data).hexdigest(), replace(kept, notes=notes, n_dropped=n_dropped), time)
+    sha256 = pings.sha256 or hashlib.sha256(data).hexdigest()
+    return _Dive(path, sha256, replace(kept, notes=notes, n_dropped=n_dropped), time)
 
 
 def _good_pings(pings: Pings) -> BoolArray:
@@ -208,3 +212,45 @@ def gather_lines(data: mmap.mmap, offsets: IntArray, n_samples: IntArray, dtype:
         windows = np.lib.stride_tricks.sliding_window_view(content, n * np.dtype(dtype).itemsize)
         lines[rows, :n] = windows[offsets[rows]].view(dtype)
     return lines
+
+
+def fill_width(port: Float32Array, starboard: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Give two sides the same number of samples.
+
+    Parameters
+    ----------
+    port, starboard : ndarray of float32, shapes (P, M) and (P, K)
+        Samples.
+
+    Returns
+    -------
+    port, starboard : ndarray of float32, shape (P, max(M, K))
+        The same, with NaN behind the shorter.
+    """
+    width = max(port.shape[1], starboard.shape[1])
+    filled = [np.pad(side, ((0, 0), (0, width - side.shape[1])), constant_values=np.nan) for side in (port, starboard)]
+    return filled[0], filled[1]
+
+
+def nearest_in_time(time: FloatArray, other: FloatArray, tolerance: float) -> tuple[IntArray, IntArray]:
+    """Bring the rows of two series together by time.
+
+    Parameters
+    ----------
+    time, other : ndarray, shapes (P,) and (K,)
+        Times, in any order [s].
+    tolerance : float
+        How far apart a pair may be [s].
+
+    Returns
+    -------
+    rows, other_rows : ndarray of int, shape (N,)
+        Pairs in the order of the first series; each row is used once at most.
+    """
+    order = np.argsort(other, kind="stable")
+    middles = (other[order][1:] + other[order][:-1]) / 2
+    nearest = order[np.searchsorted(middles, time)] if other.size else np.zeros(len(time), dtype=np.int64)
+    close = np.flatnonzero(np.abs(other[nearest] - time) <= tolerance) if other.size else np.zeros(0, dtype=np.int64)
+    _, first = np.unique(nearest[close], return_index=True)
+    rows = close[np.sort(first)]
+    return rows, nearest[rows]

@@ -55,6 +55,12 @@ def _read_starfish(paths: Sequence[Path], channels: str | None) -> list[Recordin
     return read_starfish_files(paths, channels)
 
 
+def _read_humminbird(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.humminbird import read_humminbird_files
+
+    return read_humminbird_files(paths, channels)
+
+
 def _is_xtf(head: bytes) -> bool:
     """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
     return head[:1] == b"\x7b" and b"\0" in head
@@ -70,10 +76,16 @@ def _is_starfish(head: bytes) -> bool:
     return head.startswith(b"StarfishScanlineLog\0")
 
 
+def _is_humminbird(head: bytes) -> bool:
+    """Start of a SON record; or a DAT, which is short and holds a name that ends in .SON."""
+    return head.startswith(b"\xc0\xde\xab\x21") or (len(head) in (64, 96, 100) and b".SON" in head[32:46])
+
+
 BUILT_IN = (
     Reader("XTF", _is_xtf, _read_xtf),
     Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf),
     Reader("StarFish", _is_starfish, _read_starfish),
+    Reader("Humminbird (DAT or SON)", _is_humminbird, _read_humminbird),
 )
 
 
