@@ -87,9 +87,10 @@ def resolve(config: Config, recording: Recording) -> Config:
     """
     reach = float(recording.slant_range_max.max())
     windows = config.windows.model_copy(update={"length": window_length(reach, config.windows)})
-    joint = config.reconstruction.joint
-    joint = joint.model_copy(update={"spacing": joint.spacing or cell_spacing(reach)})
-    reconstruction = config.reconstruction.model_copy(update={"joint": joint})
+    methods = {name: method for name, method in config.reconstruction if hasattr(method, "spacing")}
+    cells = {name: method.spacing or cell_spacing(reach) for name, method in methods.items()}
+    methods = {name: method.model_copy(update={"spacing": cells[name]}) for name, method in methods.items()}
+    reconstruction = config.reconstruction.model_copy(update=methods)
     return config.model_copy(update={"windows": windows, "reconstruction": reconstruction})
 
 

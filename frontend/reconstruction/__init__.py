@@ -7,19 +7,21 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry
-from frontend.reconstruction import joint
+from frontend.reconstruction import coiras, joint
 from frontend.reconstruction.calibration import calibrate
+from frontend.reconstruction.coiras import CoirasConfig
 from frontend.reconstruction.joint import JointConfig
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.windows import Window
 
-__all__ = ["JointConfig", "Method", "ReconstructionConfig", "calibrate", "method_of"]
+__all__ = ["CoirasConfig", "JointConfig", "Method", "ReconstructionConfig", "calibrate", "method_of"]
 
 Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
 
 # name of a method and of its section -> what does it
 _METHODS: dict[str, Callable[..., Submap]] = {
+    "coiras": coiras.reconstruct,
     "joint": joint.reconstruct,
 }
 
@@ -29,9 +31,11 @@ class ReconstructionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    method: Literal["joint"] = Field(
-        default="joint", description="joint: height and reflectivity by analysis by synthesis."
+    method: Literal["coiras", "joint"] = Field(
+        default="joint",
+        description="joint: height and reflectivity by analysis by synthesis; coiras: lines stacked to an image.",
     )
+    coiras: CoirasConfig = CoirasConfig()
     joint: JointConfig = JointConfig()
 
 

@@ -84,7 +84,7 @@ def test_settings_win_over_the_file(tmp_path: Path) -> None:
         ("bottom.n_pings=many", "bottom.n_pings of the configuration: input should be a valid integer"),
         ("windows.length.x=1", "windows.length of the configuration: input should be a valid number, got a section"),
         ("windows=5", "windows is a section of the configuration, keys wanted, got 5"),
-        ("reconstruction.method=magic", "reconstruction.method of the configuration: input should be 'joint', got"),
+        ("reconstruction.method=magic", "reconstruction.method of the configuration: input should be 'coiras'"),
         ("seed=", "seed of the configuration: input should be a valid integer"),
         ("windows.length", "a setting reads section.key=value, got 'windows.length'"),
         ("=5", "a setting reads section.key=value, got '=5'"),
@@ -135,6 +135,7 @@ def test_resolving_fills_in_window_and_cell_from_the_range() -> None:
     resolved = resolve(Config(), recording(55.0))
     assert resolved.windows.length == pytest.approx(82.5)  # one and a half slant ranges
     assert resolved.reconstruction.joint.spacing == pytest.approx(1.0)
+    assert resolved.reconstruction.coiras.spacing == pytest.approx(1.0)
     assert "windows" in resolved.model_dump()
 
 
