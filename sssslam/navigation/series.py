@@ -9,6 +9,8 @@ from frontend.arrays import FloatArray
 
 # A series answers this many usual intervals beyond its ends: the last fix of a log is as old as the next was to come.
 _N_INTERVALS_BEYOND = 2.0
+# Beyond this, some 3000 years from 1970, doubles cannot tell a hundredth of a millisecond: no time of a dive [s].
+_MAX_TIME = 1e11
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ def make_series(time: FloatArray, values: FloatArray) -> Series | None:
     series : Series or None
         The known values in the order of time, the first of those that share a time; None where none is known.
     """
-    known = np.flatnonzero(np.isfinite(time) & np.isfinite(values))
+    known = np.flatnonzero((np.abs(time) < _MAX_TIME) & np.isfinite(values))
     if not known.size:
         return None
     at, first = np.unique(time[known], return_index=True)
