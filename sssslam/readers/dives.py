@@ -18,6 +18,7 @@ from sssslam.readers.xtf_trajectory import make_trajectory
 
 # A ping this many times longer than the mean of all is damage, and would cost its length in every other row.
 _MAX_LENGTH_RATIO = 8.0
+_MAX_SLANT_RANGE = 50e3
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def _dive(path: Path, extract: Callable[[Path, mmap.mmap], Pings]) -> _Dive:
         raise ValueError(f"{path}: {error}") from None
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); a readable recording is wanted") from None
-    lost = [f"pings dropped, for lack of a position that can be used: {n_lost}"] if n_lost else []
+    lost = [f"pings dropped, for lack of a position or range that can be used: {n_lost}"] if n_lost else []
     notes, n_dropped = (*pings.notes, *lost, *repairs), pings.n_dropped + n_lost
     sha256 = pings.sha256 or hashlib.sha256(data).hexdigest()
     return _Dive(path, sha256, replace(kept, notes=notes, n_dropped=n_dropped), time)
@@ -130,7 +131,10 @@ def _good_pings(pings: Pings) -> BoolArray:
     """Pings with a position; refused if there is none."""
     if not len(pings.stamp):
         raise ValueError("the file holds no whole ping with samples on both sides; at least one is wanted")
-    is_good = good_pings(pings.navigation, pings.is_geographic)
+    extent = pings.sample_spacing * pings.port.shape[1]
+    if not np.any((extent > 0) & (extent < _MAX_SLANT_RANGE)):
+        raise ValueError(f"no ping has a slant range that can be, the first has {extent[0]:g} m; up to 50 km is wanted")
+    is_good = good_pings(pings.navigation, pings.is_geographic) & (extent > 0) & (extent < _MAX_SLANT_RANGE)
     if not is_good.any():
         raise ValueError(
             f"none of {len(is_good)} pings has a position (all are missing, zero or impossible); navigation is wanted"

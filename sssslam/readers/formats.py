@@ -61,6 +61,12 @@ def _read_humminbird(paths: Sequence[Path], channels: str | None) -> list[Record
     return read_humminbird_files(paths, channels)
 
 
+def _read_jsf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.jsf import read_jsf_files
+
+    return read_jsf_files(paths, channels)
+
+
 def _is_xtf(head: bytes) -> bool:
     """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
     return head[:1] == b"\x7b" and b"\0" in head
@@ -81,11 +87,17 @@ def _is_humminbird(head: bytes) -> bool:
     return head.startswith(b"\xc0\xde\xab\x21") or (len(head) in (64, 96, 100) and b".SON" in head[32:46])
 
 
+def _is_jsf(head: bytes) -> bool:
+    """Start of a JSF message; the upper bytes of its size and its reserved bytes are hardly ever anything but zero."""
+    return head.startswith(b"\x01\x16") and len(head) >= 16 and head[15] == 0
+
+
 BUILT_IN = (
     Reader("XTF", _is_xtf, _read_xtf),
     Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf),
     Reader("StarFish", _is_starfish, _read_starfish),
     Reader("Humminbird (DAT or SON)", _is_humminbird, _read_humminbird),
+    Reader("JSF", _is_jsf, _read_jsf),
 )
 
 

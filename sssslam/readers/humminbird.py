@@ -124,7 +124,7 @@ def _lines(side: _Side | None, rows: IntArray, n_pings: int) -> Float32Array:
 
 
 def _frequency(records: Records) -> float:
-    frequency = float(np.median(records.field(FREQUENCY)))
+    frequency = float(np.median(records.field(FREQUENCY))) if len(records.offset) else np.nan
     return frequency if 1e4 <= frequency <= 1e7 else np.nan
 
 
