@@ -70,6 +70,25 @@ class Tables:
 
 
 @dataclass(frozen=True)
+class Seafloor:
+    """How rough and patchy the floor of a dive is.
+
+    Parameters
+    ----------
+    roughness : float
+        C of the smooth relief's power spectral density ``C k^-4`` [1].
+    reflectivity : float
+        Standard deviation of the natural logarithm of the reflectivity [1].
+    length : float
+        Its correlation length [m].
+    """
+
+    roughness: float = 3e-3
+    reflectivity: float = 0.2
+    length: float = 5.0
+
+
+@dataclass(frozen=True)
 class Radiometry:
     """What the echoes of a dive mean.
 
@@ -81,11 +100,14 @@ class Radiometry:
         Independent looks in one recorded sample.
     tables : Tables
         Beam pattern, range law, noise floor, scattering exponent.
+    seafloor : Seafloor
+        What the echoes say of the floor as a whole.
     """
 
     quantity: Quantity
     looks: float
     tables: Tables
+    seafloor: Seafloor = Seafloor()
 
 
 def to_intensity(echoes: AnyArray, quantity: Quantity) -> FloatArray:
