@@ -96,7 +96,7 @@ def reconstruct(
     image = ground_image(data, radiometry, spacing, config.image)
     is_shadow = shadow_image(shadows_of_lines(data, radiometry, config.shadows), data, spacing)
     relief = shape_from_image(image, is_shadow, config)
-    return _submap(recording, window, data, relief, config)
+    return submap_of_images(recording, window, data, relief, config)
 
 
 def shape_from_image(image: GroundImage, is_shadow: BoolArray, config: CoirasConfig) -> Relief:
@@ -158,7 +158,7 @@ def height_sigma(relief: Relief, config: CoirasConfig) -> FloatArray:
     same over its correlation length. From nadir outwards these add up like a random walk, until the relief that the
     prior expects bounds them. What waves longer than the prior's do is not in it.
     """
-    image, prior = relief.image, config.descent.prior
+    image, prior = relief.image, config.descent
     cost = ImageCost(image, relief.is_shadow, config.descent)
     misfit = cost.weight * (image.level - cost.predict(relief.estimate)) ** 2
     excess = max(float(misfit.sum() / max(np.count_nonzero(cost.weight), 1)), 1.0)
@@ -175,7 +175,29 @@ def height_sigma(relief: Relief, config: CoirasConfig) -> FloatArray:
     return config.sigma_factor * np.sqrt(1 / (1 / walk + 1 / (config.descent.altimeter_sigma**2 + relief_most)))
 
 
-def _submap(recording: Recording, window: Window, data: WindowData, relief: Relief, config: CoirasConfig) -> Submap:
+def submap_of_images(
+    recording: Recording, window: Window, data: WindowData, relief: Relief, config: CoirasConfig
+) -> Submap:
+    """Lay both sides' images on a grid along the mean course.
+
+    Parameters
+    ----------
+    recording : Recording
+        The dive.
+    window : Window
+        Which pings.
+    data : WindowData
+        The window.
+    relief : Relief
+        What became of the images.
+    config : CoirasConfig
+        The prior, for sigma.
+
+    Returns
+    -------
+    submap : Submap
+        In the level frame of the anchor ping.
+    """
     raster = raster_of(data, relief.image.spacing[1])
     at = _Places(raster, straight_course(data), relief.image)
     estimate = relief.estimate

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.fft import dctn, idctn
 
 from frontend.arrays import BoolArray, FloatArray, IntArray
 from frontend.reconstruction.ground_image import GroundImage
-from frontend.reconstruction.priors import PriorConfig, from_cosine, to_cosine
 
 Part = Literal["reflectivity", "beam", "height"]
 
@@ -38,7 +38,20 @@ class DescentConfig(BaseModel):
         default=0.1, gt=0, description="Natural log by which a window's beam pattern may differ from the dive's [1]."
     )
     altimeter_sigma: float = Field(default=0.3, gt=0, description="Altitude against the first column's heights [m].")
-    prior: PriorConfig = PriorConfig()
+    roughness: float = Field(
+        default=0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."
+    )
+    longest: float = Field(
+        default=40.0,
+        gt=0,
+        description="Wavelength beyond which relief grows no more [m]; echoes tell little of longer.",
+    )
+    reflectivity: float = Field(
+        default=0.1, gt=0, description="Standard deviation of log-reflectivity [1]; sediments differ little."
+    )
+    reflectivity_length: float = Field(
+        default=8.0, gt=0, description="Correlation length of reflectivity [m]; sediments change slowly."
+    )
 
 
 @dataclass(frozen=True)
@@ -104,7 +117,7 @@ class ImageCost:
     @cached_property
     def precision(self) -> tuple[FloatArray, FloatArray]:
         """Shapes (n_y, n_x): the prior's diagonal precisions of heights and reflectivity in the cosine basis."""
-        area, prior = self.image.spacing[0] * self.image.spacing[1], self.config.prior
+        area, prior = self.image.spacing[0] * self.image.spacing[1], self.config
         k2 = self._wavenumbers[0] + self._wavenumbers[1]
         length2 = prior.reflectivity_length**2
         height = area * (k2 + (2 * np.pi / prior.longest) ** 2) ** 2 / prior.roughness
@@ -283,3 +296,35 @@ class ImageCost:
         result[:, 1:] += along[:, 1:] / dy
         result[:, :-1] -= along[:, 1:] / dy
         return result
+
+
+def to_cosine(images: FloatArray) -> FloatArray:
+    """Orthonormal cosine coefficients of images.
+
+    Parameters
+    ----------
+    images : ndarray, shape (..., n_y, n_x)
+        Images.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (..., n_y, n_x)
+        Their coefficients.
+    """
+    return np.asarray(dctn(images, axes=(-2, -1), norm="ortho"))
+
+
+def from_cosine(coefficients: FloatArray) -> FloatArray:
+    """Images of orthonormal cosine coefficients.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (..., n_y, n_x)
+        Coefficients.
+
+    Returns
+    -------
+    images : ndarray, shape (..., n_y, n_x)
+        The images.
+    """
+    return np.asarray(idctn(coefficients, axes=(-2, -1), norm="ortho"))
