@@ -12,13 +12,15 @@ from frontend.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntAr
 from frontend.georeference import Georeference
 from frontend.recording import Recording, SonarGeometry
 from sssslam.readers.ping_times import repair_times
-from sssslam.readers.xtf_navigation import RawNavigation, good_pings
+from sssslam.readers.xtf_navigation import METRES_PER_DEGREE, RawNavigation, good_pings
 from sssslam.readers.xtf_packets import map_file
 from sssslam.readers.xtf_trajectory import make_trajectory
 
 # A ping this many times longer than the mean of all is damage, and would cost its length in every other row.
 _MAX_LENGTH_RATIO = 8.0
 _MAX_SLANT_RANGE = 50e3
+# Positions this far from the middle of a dive [m] are damage, and so are parallels of this share of the equator.
+_MAX_REACH, _MIN_PARALLEL = 500e3, 1e-3
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,15 @@ def read_dives(paths: Sequence[Path], extract: Callable[[Path, mmap.mmap], Pings
             )
     origin = float(first.pings.navigation.east[0]), float(first.pings.navigation.north[0])
     georeference = Georeference(latitude=origin[1], longitude=origin[0]) if first.pings.is_geographic else None
-    return [_recording(dive, georeference, origin) for dive in dives]
+    return [_named(dive, georeference, origin) for dive in dives]
+
+
+def _named(dive: _Dive, georeference: Georeference | None, origin: tuple[float, float]) -> Recording:
+    """The recording of one file; its name goes before any complaint."""
+    try:
+        return _recording(dive, georeference, origin)
+    except ValueError as error:
+        raise ValueError(f"{dive.path}: {error}") from None
 
 
 def _dive(path: Path, extract: Callable[[Path, mmap.mmap], Pings]) -> _Dive:
@@ -135,11 +145,26 @@ def _good_pings(pings: Pings) -> BoolArray:
     if not np.any((extent > 0) & (extent < _MAX_SLANT_RANGE)):
         raise ValueError(f"no ping has a slant range that can be, the first has {extent[0]:g} m; up to 50 km is wanted")
     is_good = good_pings(pings.navigation, pings.is_geographic) & (extent > 0) & (extent < _MAX_SLANT_RANGE)
+    is_good &= _are_together(pings)
     if not is_good.any():
         raise ValueError(
             f"none of {len(is_good)} pings has a position (all are missing, zero or impossible); navigation is wanted"
         )
     return is_good
+
+
+def _are_together(pings: Pings) -> BoolArray:
+    """Pings in one region, and not at a pole, where no local frame can be."""
+    east, north = pings.navigation.east, pings.navigation.north
+    if not np.isfinite(north).any():
+        return np.zeros(len(north), dtype=np.bool_)
+    unit, width = 1.0, np.ones(len(north))
+    if pings.is_geographic:
+        # Counted from one of them, longitudes have no step within the dive, wherever it is.
+        east = (east - east[np.isfinite(east)][0] + 180) % 360
+        unit, width = METRES_PER_DEGREE, np.cos(np.radians(north))
+    off = unit * np.hypot(width * (east - np.nanmedian(east)), north - np.nanmedian(north))
+    return np.asarray((off < _MAX_REACH) & (width > _MIN_PARALLEL))
 
 
 def _nominal_interval(pings: Pings) -> float:

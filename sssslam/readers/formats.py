@@ -67,6 +67,12 @@ def _read_jsf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     return read_jsf_files(paths, channels)
 
 
+def _read_lowrance(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.lowrance import read_lowrance_files
+
+    return read_lowrance_files(paths, channels)
+
+
 def _is_xtf(head: bytes) -> bool:
     """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
     return head[:1] == b"\x7b" and b"\0" in head
@@ -92,12 +98,18 @@ def _is_jsf(head: bytes) -> bool:
     return head.startswith(b"\x01\x16") and len(head) >= 16 and head[15] == 0
 
 
+def _is_lowrance(head: bytes) -> bool:
+    """A file header of 8 bytes that starts with 2 or 3, and a first frame that names its own place, 8."""
+    return head[:2] in (b"\2\0", b"\3\0") and head[6:12] == b"\0\0\x08\0\0\0"
+
+
 BUILT_IN = (
     Reader("XTF", _is_xtf, _read_xtf),
     Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf),
     Reader("StarFish", _is_starfish, _read_starfish),
     Reader("Humminbird (DAT or SON)", _is_humminbird, _read_humminbird),
     Reader("JSF", _is_jsf, _read_jsf),
+    Reader("Lowrance SL2 or SL3", _is_lowrance, _read_lowrance),
 )
 
 

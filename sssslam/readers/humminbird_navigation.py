@@ -3,8 +3,8 @@
 import numpy as np
 
 from frontend.arrays import FloatArray
-from sssslam.readers.held_navigation import stray_positions
 from sssslam.readers.humminbird_records import DEPTH, EAST, HEADING, NORTH, SPEED, Records
+from sssslam.readers.whole_metres import smooth_whole_metres
 from sssslam.readers.xtf_navigation import RawNavigation
 
 # Positions: Mercator metres on a sphere with the equator of the International ellipsoid of 1924; the latitude on it is
@@ -26,7 +26,8 @@ def read_navigation(records: Records) -> RawNavigation:
         Longitude and latitude [deg], heading [rad], altitude [m] (the depth under the transducer) and speed [m/s]; NaN
         where unknown, as roll, pitch and depth always are.
     """
-    longitude, latitude = _geographic(*_metres(records))
+    east, north = (records.field(tag).astype(np.uint32).view(np.int32) for tag in (EAST, NORTH))
+    longitude, latitude = _geographic(*smooth_whole_metres(east, north))
     unknown = np.full(len(longitude), np.nan)
     # Zero is what a unit writes that does not know; of heading and speed, only the lower half is the figure.
     heading, speed = ((records.field(tag) & 0xFFFF) / 10 for tag in (HEADING, SPEED))
@@ -41,25 +42,6 @@ def read_navigation(records: Records) -> RawNavigation:
         depth=unknown,
         speed=np.where((speed <= 100) & speed.any(), speed, np.nan),
     )
-
-
-def _metres(records: Records) -> tuple[FloatArray, FloatArray]:
-    """Mercator metres; NaN where they stray, and at the origin, which is where a unit without GNSS is."""
-    numbers = [records.field(tag).astype(np.uint32).view(np.int32).astype(np.float64) for tag in (EAST, NORTH)]
-    known = np.flatnonzero((numbers[0] != 0) | (numbers[1] != 0))
-    east, north = np.full((2, len(numbers[0])), np.nan)
-    if known.size:
-        known = known[~stray_positions(numbers[0][known], numbers[1][known])]
-        east[known], north[known] = (_without_steps(axis[known]) for axis in numbers)
-    return east, north
-
-
-def _without_steps(figures: FloatArray) -> FloatArray:
-    """Whole metres as the smooth line that was rounded: where a figure steps, the line crosses the middle."""
-    before = np.flatnonzero(np.diff(figures) != 0)
-    knots = np.concatenate([[0.0], before + 0.5, [len(figures) - 1.0]])
-    middles = np.concatenate([figures[:1], (figures[before] + figures[before + 1]) / 2, figures[-1:]])
-    return np.interp(np.arange(len(figures)), knots, middles)
 
 
 def _geographic(east: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:

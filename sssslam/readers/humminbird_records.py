@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from frontend.arrays import AnyArray, BoolArray, IntArray
-from sssslam.readers.xtf_packets import gather
+from sssslam.readers.layout import gather
 
 MAGIC = b"\xc0\xde\xab\x21"
 NUMBER, TIME, EAST, NORTH, HEADING, SPEED, DEPTH, BEAM, FREQUENCY = 0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x87, 0x50, 0x92

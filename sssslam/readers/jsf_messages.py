@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frontend.arrays import AnyArray, IntArray
-from sssslam.readers.layout import layout
-from sssslam.readers.xtf_packets import gather
+from sssslam.readers.layout import gather, layout
 
 MAGIC = b"\x01\x16"
 HEADER = layout(

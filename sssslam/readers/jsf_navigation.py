@@ -11,9 +11,8 @@ import numpy as np
 from frontend.arrays import AnyArray, BoolArray, FloatArray
 from sssslam.readers.jsf_messages import NMEA, PITCH_ROLL, Messages
 from sssslam.readers.jsf_pings import SonarData
-from sssslam.readers.layout import layout
+from sssslam.readers.layout import as_float64, gather, layout
 from sssslam.readers.xtf_navigation import RawNavigation
-from sssslam.readers.xtf_packets import gather
 
 ATTITUDE = layout(
     44,
@@ -90,7 +89,7 @@ def sound_speeds(header: AnyArray) -> tuple[FloatArray, list[str]]:
     notes : list of str
         What was assumed.
     """
-    recorded = header["SoundSpeed"].astype(np.float64)
+    recorded = as_float64(header["SoundSpeed"])
     is_known = (recorded >= _SOUND_SPEED_BOUNDS[0]) & (recorded <= _SOUND_SPEED_BOUNDS[1])
     n = int((~is_known).sum())
     note = f"sound speed is missing or implausible in {n} of {len(header)} pings: 1500 m/s is assumed"

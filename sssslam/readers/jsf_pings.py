@@ -7,9 +7,8 @@ import numpy as np
 
 from frontend.arrays import AnyArray, FloatArray, IntArray
 from sssslam.readers.jsf_messages import SONAR_DATA, Messages
-from sssslam.readers.layout import layout
+from sssslam.readers.layout import gather, layout
 from sssslam.readers.xtf_channels import Side
-from sssslam.readers.xtf_packets import gather
 
 SONAR = layout(
     240,

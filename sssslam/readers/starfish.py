@@ -10,9 +10,9 @@ import numpy as np
 from frontend.arrays import Float32Array, FloatArray, IntArray
 from frontend.recording import Recording, SonarGeometry
 from sssslam.readers.dives import Pings, gather_lines, plausible_lengths, read_dives
+from sssslam.readers.layout import as_float64, gather
 from sssslam.readers.starfish_navigation import read_navigation
 from sssslam.readers.starfish_packets import Packets, index_packets, read_properties, stamps
-from sssslam.readers.xtf_packets import gather
 from sssslam.readers.xtf_samples import far_end_first, reverse_lines
 
 _SIDE_SCAN = 0x26
@@ -92,8 +92,8 @@ def _side_scan(data: mmap.mmap, packets: Packets) -> tuple[_Lines, int]:
     has_both = np.flatnonzero((n > 0) & (2 * (_SIDE.itemsize + n) == size))
     starboard = np.zeros(len(n), _SIDE)
     starboard[has_both] = gather(data, found.offset[has_both] + _SIDE.itemsize + n[has_both], _SIDE)
-    extent = port["range"].astype(np.float64)
-    is_sound = (starboard["n_samples"] == n) & (extent == starboard["range"]) & (extent > 0) & (extent < _MAX_RANGE)
+    extent, other_extent = (as_float64(side["range"]) for side in (port, starboard))
+    is_sound = (starboard["n_samples"] == n) & (extent == other_extent) & (extent > 0) & (extent < _MAX_RANGE)
     is_sound &= plausible_lengths(np.where(is_sound, n, 0))
     rows = np.flatnonzero(is_sound)
     if not rows.size:

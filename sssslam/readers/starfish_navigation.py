@@ -7,9 +7,9 @@ from pyproj import CRS, Transformer
 
 from frontend.arrays import AnyArray, FloatArray, IntArray
 from sssslam.readers.held_navigation import fix_pings
+from sssslam.readers.layout import gather
 from sssslam.readers.starfish_packets import Packets, stamps
 from sssslam.readers.xtf_navigation import RawNavigation
-from sssslam.readers.xtf_packets import gather
 
 _HEADING, _POSITION, _SPEED, _DEPTH, _ALTITUDE = 0x20, 0x21, 0x22, 0x24, 0x29
 _NUMBER = np.dtype([("value", "<f8")])

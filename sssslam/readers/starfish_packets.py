@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from sssslam.readers.layout import gather
 from sssslam.readers.ping_times import seconds_since_1970
-from sssslam.readers.xtf_packets import gather
 
 PACKET = np.dtype(
     [
