@@ -3,7 +3,7 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,6 +26,17 @@ ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML file; se
 Settings = Annotated[list[str] | None, typer.Option("-s", "--set", help="section.key=value; may be repeated.")]
 Channels = Annotated[str | None, typer.Option(help="Which channels of a dual-frequency file, such as 3,4 or 900kHz.")]
 MethodName = Annotated[str | None, typer.Option(help="Method of reconstruction; same as -s reconstruction.method=.")]
+Nav = Annotated[Path | None, typer.Option("--nav", help="Navigation beside the sonar: CSV with a header, TUM or NMEA.")]
+ClockOffset = Annotated[
+    str | None, typer.Option(help="Seconds to add to the times of --nav, or 'estimate'.", metavar="SECONDS|estimate")
+]
+Positions = Annotated[
+    Literal["recorded", "dead-reckoned"],
+    typer.Option(
+        "--navigation",
+        help="Positions as recorded, or rebuilt from heading and speed with the recorded ones as reference.",
+    ),
+]
 Seed = Annotated[int | None, typer.Option(help="Seed of the scene.", min=0)]
 
 
@@ -64,6 +75,9 @@ def run(
     config: ConfigFile = None,
     settings: Settings = None,
     channels: Channels = None,
+    nav: Nav = None,
+    clock_offset: ClockOffset = None,
+    navigation: Positions = "recorded",
 ) -> None:
     """Examples:
 
@@ -71,12 +85,16 @@ def run(
       sssslam run dive.xtf -o out
       sssslam run part1.xtf part2.xtf -o out -s windows.length=80
       sssslam run dive.nc -o out --config my.toml
+      sssslam run dive.xtf -o out --nav track.csv --clock-offset estimate
+      sssslam run boat.logdoc -o out --navigation dead-reckoned
 
     Correct the track of a dive and write track, map, loop closures and report.
     """
     from sssslam import commands
+    from sssslam.dive import Dive
 
-    commands.run(recordings, out, channels, commands.configuration(config, settings))
+    dive = Dive(recordings, channels, nav, clock_offset, navigation)
+    commands.run(dive, out, commands.configuration(config, settings))
 
 
 @app.command()
@@ -113,6 +131,9 @@ def reconstruct(
     settings: Settings = None,
     channels: Channels = None,
     method: MethodName = None,
+    nav: Nav = None,
+    clock_offset: ClockOffset = None,
+    navigation: Positions = "recorded",
 ) -> None:
     """Examples:
 
@@ -124,9 +145,11 @@ def reconstruct(
     Reconstruct the seafloor window by window: submaps and a figure, no change of the track.
     """
     from sssslam import commands
+    from sssslam.dive import Dive
 
     chosen = [*(settings or ()), *([] if method is None else [f"reconstruction.method={method}"])]
-    commands.reconstruct(recordings, out, channels, commands.configuration(config, chosen))
+    dive = Dive(recordings, channels, nav, clock_offset, navigation)
+    commands.reconstruct(dive, out, commands.configuration(config, chosen))
 
 
 @app.command()
@@ -151,17 +174,27 @@ def evaluate(
 
 
 @app.command()
-def info(recordings: Recordings, channels: Channels = None) -> None:
+def info(
+    recordings: Recordings,
+    channels: Channels = None,
+    figure: Annotated[Path | None, typer.Option("--figure", "-o", help="Waterfall to draw, .png.")] = None,
+    nav: Nav = None,
+    clock_offset: ClockOffset = None,
+    navigation: Positions = "recorded",
+) -> None:
     """Examples:
 
     \b
       sssslam info dive.xtf
+      sssslam info dive.xtf --figure waterfall.png
+      sssslam info dive.xtf --nav track.csv --clock-offset estimate
 
-    Say what is in a recording and what looks wrong with it.
+    Say what is in a recording and what looks wrong with it; draw its waterfall with the bottom that was found.
     """
     from sssslam import commands
+    from sssslam.dive import Dive
 
-    commands.info(recordings, channels)
+    commands.info(Dive(recordings, channels, nav, clock_offset, navigation), figure)
 
 
 @app.command()
@@ -169,17 +202,22 @@ def convert(
     recordings: Recordings,
     file: Annotated[Path, typer.Argument(help="File to write, .nc.", show_default=False)],
     channels: Channels = None,
+    nav: Nav = None,
+    clock_offset: ClockOffset = None,
+    navigation: Positions = "recorded",
 ) -> None:
     """Examples:
 
     \b
       sssslam convert dive.xtf dive.nc
+      sssslam convert dive.xtf dive.nc --nav track.tum
 
     Convert recordings to the open container.
     """
     from sssslam import commands
+    from sssslam.dive import Dive
 
-    commands.convert(recordings, file, channels)
+    commands.convert(Dive(recordings, channels, nav, clock_offset, navigation), file)
 
 
 @app.command(name="config")
@@ -199,12 +237,14 @@ def show_config() -> None:
 def main() -> None:
     """Run a command; any error that a user can mend is one line on stderr and exit 1."""
     try:
-        app()
+        app(prog_name="sssslam")
     except KeyboardInterrupt:
         _stop("interrupted; nothing half-written is left", 130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(141) from None
+    except MemoryError:
+        _stop("this machine has too little memory for that; fewer files, or a larger joint.spacing, are wanted", 1)
     except (ValueError, OSError) as error:
         if os.environ.get("SSSSLAM_DEBUG"):
             raise

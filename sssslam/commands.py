@@ -1,6 +1,5 @@
 """What the commands do: read, run, write, and tell the person at the terminal."""
 
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -9,7 +8,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from frontend.recording import Recording, Truth
-from sssslam.readers import read
+from sssslam.dive import Dive
+from sssslam.places import check_file, check_folder
 from sssslam.watch import Watch
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 # What takes seconds to load (the optimiser, compiled kernels, figures) is imported by the command that needs it.
 
 Item = TypeVar("Item")
-out_console = Console(soft_wrap=True, highlight=False)
+# Paths are printed as they are: [a] in one is no markup.
+out_console = Console(soft_wrap=True, highlight=False, markup=False)
 progress_console = Console(stderr=True)
 
 
@@ -72,23 +73,23 @@ def configuration(path: Path | None, settings: Sequence[str] | None) -> "Config"
     return load_config(path, settings or ())
 
 
-def run(recordings: Sequence[Path], out: Path, channels: str | None, config: "Config") -> None:
+def run(dive: Dive, out: Path, config: "Config") -> None:
     """Correct the track of a dive and write every product.
 
     Parameters
     ----------
-    recordings : sequence of Path
-        Its files.
+    dive : Dive
+        What to read.
     out : Path
         Folder for the products.
-    channels : str or None
-        Which channels of a dual-frequency file.
     config : Config
         Settings.
     """
-    _check_folder(out)
-    result = _slam(read(*recordings, channels=channels), config)
+    check_folder(out)
+    result = _slam(dive.read(), config)
     result.write(out)
+    if dive.positions == "dead-reckoned" and result.recording.truth is not None:
+        _judge(out, result.recording.truth)
     _say_result(result, out)
 
 
@@ -106,7 +107,7 @@ def demo(out: Path, seed: int | None, config: "Config") -> None:
     """
     from sssslam.simulation import load_scene, simulate, with_seed
 
-    _check_folder(out)
+    check_folder(out)
     scene = load_scene("demo")
     with progress_console.status("simulating the survey"):
         recording = simulate(scene if seed is None else with_seed(scene, seed))
@@ -132,7 +133,7 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
     from sssslam.readers.netcdf_writing import write_netcdf_chunks
     from sssslam.simulation import load_scene, simulate_chunks, with_seed, write_xtf
 
-    _check_file(out, (".nc", ".xtf"))
+    check_file(out, (".nc", ".xtf"))
     chosen = load_scene(scene)
     chosen = chosen if seed is None else with_seed(chosen, seed)
     with progress_console.status("simulating"):
@@ -140,7 +141,7 @@ def simulate_scene(scene: str, out: Path, seed: int | None) -> None:
             write_xtf(simulate_chunks(chosen), out, chosen.recorder.sample_type)
         else:
             write_netcdf_chunks(simulate_chunks(chosen), out)
-    out_console.print(f"{out}: {chosen.description}", markup=False)
+    out_console.print(f"{out}: {chosen.description}")
 
 
 def list_scenes() -> None:
@@ -151,17 +152,15 @@ def list_scenes() -> None:
         out_console.print(f"{name:16s} {load_scene(name).description}")
 
 
-def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, config: "Config") -> None:
+def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     """Reconstruct the seafloor window by window.
 
     Parameters
     ----------
-    recordings : sequence of Path
-        Files of one dive.
+    dive : Dive
+        What to read.
     out : Path
         Folder for the submaps and their figure.
-    channels : str or None
-        Which channels of a dual-frequency file.
     config : Config
         Settings.
     """
@@ -172,8 +171,8 @@ def reconstruct(recordings: Sequence[Path], out: Path, channels: str | None, con
     from sssslam.products.shape import write_shape
     from sssslam.stages import notes, reconstruct_windows
 
-    _check_folder(out)
-    recording = read(*recordings, channels=channels)
+    check_folder(out)
+    recording = dive.read()
     config, watch = resolve(config, recording), Shown()
     reach = float(recording.slant_range_max.max())
     windows = sliding_windows(recording.trajectory_dr, reach, config.windows)
@@ -207,43 +206,47 @@ def evaluate(out: Path, reference: Path, terrain: Path | None) -> None:
     out_console.print(f"report: {out / 'report.html'}")
 
 
-def info(recordings: Sequence[Path], channels: str | None) -> None:
+def info(dive: Dive, figure: Path | None) -> None:
     """Say what is in a recording and what looks wrong.
 
     Parameters
     ----------
-    recordings : sequence of Path
-        Files of one dive.
-    channels : str or None
-        Which channels of a dual-frequency file.
+    dive : Dive
+        What to read.
+    figure : Path or None
+        Where to draw the waterfall with the bottom that was found.
     """
-    from sssslam.health import examine
+    from sssslam.health import draw_health, examine
 
-    recording = read(*recordings, channels=channels)
+    if figure is not None:
+        check_file(figure, (".png",))
+    recording = dive.read()
     health = examine(recording)
     for what, value in health.rows:
-        out_console.print(f"{what:24s} {value}", markup=False)
-    _say(recording.notes)
+        out_console.print(f"{what:24s} {value}")
+    suspicious = {finding.what for finding in health.findings}
+    _say([note for note in recording.notes if note not in suspicious])
     for finding in health.findings:
-        out_console.print(f"! {finding.what}: {finding.advice}", markup=False)
+        out_console.print(f"! {finding.what}: {finding.advice}")
+    if figure is not None:
+        draw_health(recording, figure)
+        out_console.print(f"waterfall: {figure}")
 
 
-def convert(recordings: Sequence[Path], file: Path, channels: str | None) -> None:
+def convert(dive: Dive, file: Path) -> None:
     """Convert recordings to the open container.
 
     Parameters
     ----------
-    recordings : sequence of Path
-        Files of one dive.
+    dive : Dive
+        What to read.
     file : Path
         The file to write.
-    channels : str or None
-        Which channels of a dual-frequency file.
     """
     from sssslam.readers.netcdf import write_netcdf
 
-    _check_file(file, (".nc",))
-    recording = read(*recordings, channels=channels)
+    check_file(file, (".nc",))
+    recording = dive.read()
     write_netcdf(recording, file)
     _say(recording.notes)
     out_console.print(f"{file}: {recording.n_pings} pings of {recording.n_samples} samples a side")
@@ -289,12 +292,12 @@ def _judge(out: Path, truth: Truth) -> None:
     add_metrics(out, metrics, truth.trajectory)
     width = max(len(metric.name) for metric in metrics)
     for metric in metrics:
-        out_console.print(f"{metric.name:{width}}  {metric.value:9.4g} {metric.unit:14s} {metric.how}", markup=False)
+        out_console.print(f"{metric.name:{width}}  {metric.value:9.4g} {metric.unit:14s} {metric.how}")
 
 
 def _say(lines: Sequence[str]) -> None:
     for line in lines:
-        out_console.print(f"- {line}", markup=False)
+        out_console.print(f"- {line}")
 
 
 def _say_result(result: "Result", out: Path) -> None:
@@ -305,26 +308,3 @@ def _say_result(result: "Result", out: Path) -> None:
         f"track moved by up to {((moved**2).sum(axis=1) ** 0.5).max():.1f} m"
     )
     out_console.print(f"report: {out / 'report.html'}")
-
-
-def _check_folder(out: Path) -> None:
-    """Say before the work, not after it, that the products have no place."""
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"{out} is a file; a folder for the products is wanted")
-    _check_place(out)
-
-
-def _check_file(out: Path, suffixes: tuple[str, ...]) -> None:
-    """Refuse a file that could not be written, or whose name asks for another format."""
-    if out.suffix not in suffixes:
-        raise ValueError(f"{out} is to be written; a name that ends in {' or '.join(suffixes)} is wanted")
-    if out.is_dir():
-        raise ValueError(f"{out} is a folder; a file is wanted")
-    _check_place(out.parent)
-
-
-def _check_place(folder: Path) -> None:
-    """Refuse a folder that cannot be made or written to."""
-    there = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        raise ValueError(f"{folder} cannot be written; a folder that can is wanted")

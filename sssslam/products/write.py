@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from sssslam.products.result import Result
 
 OWNED = (
-    *("trajectory.tum", "trajectory_dr.tum", "trajectory.csv", "trajectory.geojson", "loop_closures.csv", "graph.g2o"),
+    *("trajectory.tum", "trajectory_dr.tum", "trajectory_ref.tum", "trajectory.csv", "trajectory.geojson"),
+    *("loop_closures.csv", "graph.g2o"),
     *("submaps/[0-9][0-9][0-9][0-9]*.ply", "seafloor.tif", "mosaic.tif", "report.html", "config.toml", "run.json"),
     *(f"figures/{name}.png" for name in FIGURES),
 )
@@ -117,6 +118,8 @@ def _write_tracks(result: "Result", stage: Path) -> None:
     recording, closures = result.recording, result.loop_closures
     _write_text(stage / "trajectory.tum", format_tum(result.trajectory))
     _write_text(stage / "trajectory_dr.tum", format_tum(recording.trajectory_dr))
+    if recording.truth is not None:
+        _write_text(stage / "trajectory_ref.tum", format_tum(recording.truth.trajectory))
     table = format_trajectory_csv(result.trajectory, result.sigmas, recording.georeference)
     _write_text(stage / "trajectory.csv", table)
     times = {submap.number: submap.anchor_time for submap in result.submaps}

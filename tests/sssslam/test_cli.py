@@ -245,3 +245,85 @@ def test_nothing_is_drawn_into_a_pipe(tmp_path: Path, dive: Path) -> None:
     assert "\x1b" not in done.stdout
     assert "1 submaps in out/submaps" in done.stdout
     assert (tmp_path / "out" / "submaps" / "0000.ply").is_file()
+
+
+@pytest.fixture
+def track(tmp_path: Path) -> Path:
+    """Navigation of the dive, one row a second, on the clock of the sonar."""
+    path = tmp_path / "track.csv"
+    rows = [f"{t},{2.0 * t},{0.5 * t},{90 - 14.036},1.5" for t in range(6)]
+    path.write_text("\n".join(["time,x,y,heading,speed", *rows]) + "\n")
+    return path
+
+
+def test_navigation_beside_the_sonar_is_joined_and_reported(shell: Shell, dive: Path, track: Path) -> None:
+    status, output, _ = shell("convert", dive, "joined.nc", "--nav", track)
+    assert status == 0
+    assert "track.csv: position, speed, yaw taken at up to 1 Hz, clock offset +0.000 s, 100.0% of 20 pings" in output
+    recording = read("joined.nc")
+    np.testing.assert_allclose(recording.trajectory_dr.y, 0.5 * recording.ping_time, atol=1e-9)
+    status, output, _ = shell("info", dive, "--nav", track, "--clock-offset", "0.5")
+    assert "clock offset +0.500 s" in output
+
+
+def test_dead_reckoned_positions_keep_the_recorded_ones_as_truth(shell: Shell, dive: Path, track: Path) -> None:
+    status, output, _ = shell("convert", dive, "dr.nc", "--nav", track, "--navigation", "dead-reckoned")
+    assert status == 0
+    assert "positions are rebuilt from heading and speed" in output
+    recording = read("dr.nc")
+    np.testing.assert_allclose(recording.truth.trajectory.x, 2.0 * recording.ping_time, atol=1e-9)
+    assert recording.trajectory_dr.distance[-1] == pytest.approx(1.5 * recording.ping_time[-1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--nav", "nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["--clock-offset", "3"], "without --nav"),
+        (["--nav", "track.csv", "--clock-offset", "soon"], "seconds or 'estimate' is wanted"),
+        (["--nav", "track.csv", "--clock-offset", "9999"], "track.csv: covers no ping"),
+        (["--nav", "dive.nc"], "this is no text"),
+        (["--navigation", "dead-reckoned"], "has no speed"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "info", "convert", "reconstruct"])
+@pytest.mark.usefixtures("track")
+def test_navigation_that_cannot_be_used_is_one_line(
+    shell: Shell, dive: Path, command: str, options: list[str], words: str
+) -> None:
+    target = {"run": ["-o", "out"], "reconstruct": ["-o", "out"], "convert": ["x.nc"], "info": []}[command]
+    status, _, errors = shell(command, dive, *target, *options)
+    assert status == 1
+    assert is_one_line(errors)
+    assert words in errors
+
+
+def test_info_draws_a_waterfall_only_where_it_is_asked_to(shell: Shell, dive: Path, tmp_path: Path) -> None:
+    before = set(tmp_path.iterdir())
+    assert shell("info", dive)[0] == 0
+    assert set(tmp_path.iterdir()) == before
+    status, output, _ = shell("info", dive, "--figure", "pictures/[a].png")
+    assert status == 0
+    assert "waterfall: pictures/[a].png" in output
+    assert (tmp_path / "pictures" / "[a].png").read_bytes()[:4] == b"\x89PNG"
+    assert is_one_line(shell("info", dive, "--figure", "waterfall.txt")[2])
+
+
+def test_too_little_memory_is_one_line(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("sssslam.dive.read", fill)
+    status, _, errors = shell("info", "dive.xtf")
+    assert status == 1
+    assert is_one_line(errors)
+    assert "too little memory" in errors
+
+
+def test_the_program_is_called_sssslam_however_it_is_started(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["/opt/other/name.py", "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().out.split()[:2] == ["Usage:", "sssslam"]

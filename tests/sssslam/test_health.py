@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from frontend.georeference import Georeference
-from frontend.recording import Recording, SonarGeometry
+from frontend.recording import Quantity, Recording, SonarGeometry
 from frontend.trajectory import Trajectory
-from sssslam.health import Health, examine
+from sssslam.health import Health, draw_health, examine
+from sssslam.health.echoes import spread_exponent
+from sssslam.health.track import count_crossings
+from sssslam.readers.ping_times import repair_times
 
 
 def _recording(n: int = 200, m: int = 300) -> Recording:
@@ -72,11 +75,38 @@ def _with_jump(r):
     return _moved(r, y=np.where(np.arange(200) < 100, 0.0, 50.0))
 
 
+def _with_bursts(r):
+    stamps = np.repeat(r.ping_time[::4], 4)
+    return replace(r, notes=tuple(repair_times(stamps, 0.2)[1]))
+
+
+def _with_clock_set_back(r):
+    stamps = r.ping_time - np.where(np.arange(200) < 100, 0.0, 3600.0)
+    return replace(r, notes=tuple(repair_times(stamps, 0.2)[1]))
+
+
+def _called(r, quantity):
+    return replace(r, sonar=replace(r.sonar, quantity=quantity))
+
+
 def _frozen(values):
     return np.where(np.arange(200) < 50, values, values[50])
 
 
 FAULTS = {
+    "ping times repeat or come in bursts": _with_bursts,
+    "the clock was set back": _with_clock_set_back,
+    "position does not change for 30 s from 10 s on": lambda r: _moved(
+        r, x=_frozen(r.trajectory_dr.x), y=_frozen(r.trajectory_dr.y)
+    ),
+    "depth does not change for 30 s": lambda r: replace(r, depth=_frozen(r.depth)),
+    "port has 4 grey levels only": lambda r: replace(r, port=np.clip(np.rint(r.port / 20), 0, 3)),
+    "of the starboard samples are 0": lambda r: replace(r, starboard=np.where(r.starboard < 30, 0, r.starboard)),
+    "the bottom is seen in": lambda r: replace(r, port=r.port[:, ::-1], starboard=r.starboard[:, ::-1]),
+    "starboard is called intensity and looks like a logarithm of it": lambda r: replace(
+        _called(r, Quantity.INTENSITY), starboard=np.log(r.starboard + 1e-9)
+    ),
+    "port is called logarithmic and looks linear": lambda r: _called(r, Quantity.LOG),
     "time has gaps (1x), the longest 30.2 s": _with_gap,
     "the position jumps (1x), by up to 50.0 m": _with_jump,
     "the clock says 1970-01-01": lambda r: _moved(r, time=r.ping_time - 1.7e9),
@@ -130,6 +160,39 @@ def test_a_track_that_comes_back_is_turning_and_passed_again():
     assert course == "turning, 180 deg between extreme headings; 87% of the track is passed again"
 
 
+def test_a_track_that_crosses_itself_is_counted_and_jitter_is_not():
+    recording = _recording(400)
+    # A figure of eight passes through its middle twice: one crossing. It starts behind its middle and ends behind it.
+    turn = np.linspace(0.3, 2 * np.pi + 0.2, 400)
+    eight = _moved(recording, x=40 * np.sin(turn), y=40 * np.sin(2 * turn) / 2)
+    assert count_crossings(eight) == 1
+    assert "it crosses itself 1x" in dict(examine(eight).rows)["course"]
+    jitter = np.random.default_rng(0).normal(0, 0.5, 400)
+    assert count_crossings(_moved(recording, y=jitter, x=recording.trajectory_dr.x + np.roll(jitter, 7))) == 0
+
+
+def test_spread_follows_brightness_for_a_receiver_and_not_for_a_logarithm():
+    rng = np.random.default_rng(3)
+    echoes = 1e3 * rng.gamma(2.0, 0.5, (200, 400)) * np.geomspace(10, 1, 400)
+    # Multiplicative speckle: 1, whatever the power; additive after a logarithm: 0. Groups of four are a tenth off.
+    assert spread_exponent(echoes) == pytest.approx(1.0, abs=0.15)
+    assert spread_exponent(np.sqrt(echoes)) == pytest.approx(1.0, abs=0.15)
+    # In decibels the dark tail of speckle is the longer one: below 0.
+    assert spread_exponent(20 * np.log10(echoes)) < 0.35
+    assert np.isnan(spread_exponent(np.full((20, 40), 7.0)))
+
+
+def test_the_waterfall_is_drawn_with_and_without_a_bottom(tmp_path):
+    recording = _recording()
+    flat = replace(recording, altitude=np.full(200, np.nan), port=np.ones_like(recording.port))
+    flat = replace(flat, starboard=flat.port)
+    pictures = [tmp_path / "deep" / "a.png", tmp_path / "b.png", tmp_path / "c.png"]
+    for path, what in zip(pictures, (recording, recording, flat), strict=True):
+        draw_health(what, path)
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    assert pictures[2].read_bytes()[:4] == b"\x89PNG"
+
+
 def test_unknown_things_are_called_so():
     recording = _recording()
     unknown = np.full(200, np.nan)
@@ -154,3 +217,18 @@ def test_the_scotsman_dive_shows_its_known_faults():
     assert "the nose points 20 deg down" in said
     assert "the first bottom return is 1.1" in said
     assert dict(health.rows)["course"] == "straight; no place is passed twice"
+    assert "linear" in dict(health.rows)["port compression"]
+
+
+def test_the_starfish_dive_shows_its_known_faults():
+    folder = os.environ.get("SSSSLAM_DATA")
+    if not folder:
+        pytest.skip("SSSSLAM_DATA is not set: no real recordings")
+    from sssslam.readers import read
+
+    health = examine(read(Path(folder) / "recordings" / "starfish-iver2-barbados.logdoc"))
+    said = _said(health)
+    # Its description: bursts of stamps, no roll or pitch, a track that crosses itself twice.
+    assert "ping times repeat or come in bursts" in said
+    assert "roll is 0 in every ping" in said
+    assert "it crosses itself 2x" in dict(health.rows)["course"]

@@ -34,7 +34,7 @@ def test_a_run_leaves_every_file_of_the_contract(result: Result, written: Path) 
     figures = {name for name in names if name.startswith("figures/")}
     assert names - submaps - figures == {
         *("trajectory.tum", "trajectory_dr.tum", "trajectory.csv", "trajectory.geojson", "loop_closures.csv"),
-        *("graph.g2o", "seafloor.tif", "mosaic.tif", "report.html", "config.toml", "run.json"),
+        *("trajectory_ref.tum", "graph.g2o", "seafloor.tif", "mosaic.tif", "report.html", "config.toml", "run.json"),
     }
     assert submaps <= names
     assert "figures/tracks.png" in figures
