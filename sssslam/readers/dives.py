@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frontend.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from frontend.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from frontend.georeference import Georeference
 from frontend.recording import Recording, SonarGeometry
 from sssslam.readers.ping_times import repair_times
@@ -16,8 +16,6 @@ from sssslam.readers.xtf_navigation import METRES_PER_DEGREE, RawNavigation, goo
 from sssslam.readers.xtf_packets import map_file
 from sssslam.readers.xtf_trajectory import make_trajectory
 
-# A ping this many times longer than the mean of all is damage, and would cost its length in every other row.
-_MAX_LENGTH_RATIO = 8.0
 _MAX_SLANT_RANGE = 50e3
 # Positions this far from the middle of a dive [m] are damage, and so are parallels of this share of the equator.
 _MAX_REACH, _MIN_PARALLEL = 500e3, 1e-3
@@ -47,6 +45,10 @@ class Pings:
         Pings that were left out already.
     is_geographic : bool
         Whether positions are degrees; else metres of a grid.
+    is_local : bool
+        Whether those metres are x and y of a local frame already, whose origin is to be kept.
+    georeference : Georeference or None
+        Where that local frame lies.
     sha256 : str
         Of all files that the pings came from; empty for that of the one file read.
     """
@@ -61,6 +63,8 @@ class Pings:
     notes: tuple[str, ...] = ()
     n_dropped: int = 0
     is_geographic: bool = True
+    is_local: bool = False
+    georeference: Georeference | None = None
     sha256: str = ""
 
     def __getitem__(self, rows: AnyArray) -> "Pings":
@@ -99,20 +103,27 @@ def read_dives(paths: Sequence[Path], extract: Callable[[Path, mmap.mmap], Pings
         If a file gives no recording, or some positions are degrees and some are metres.
     """
     dives = sorted((_dive(path, extract) for path in paths), key=lambda dive: dive.time[0])
-    first = dives[0]
+    first = dives[0].pings
     for dive in dives[1:]:
-        if dive.pings.is_geographic != first.pings.is_geographic:
+        if (dive.pings.is_geographic, dive.pings.is_local) != (first.is_geographic, first.is_local):
             raise ValueError(
-                f"{first.path} and {dive.path}: one has positions in degrees and one in metres; one kind is wanted"
+                f"{dives[0].path} and {dive.path}: one has positions in {_kind(first)} and one in"
+                f" {_kind(dive.pings)}; one kind is wanted"
             )
-    origin = float(first.pings.navigation.east[0]), float(first.pings.navigation.north[0])
-    georeference = Georeference(latitude=origin[1], longitude=origin[0]) if first.pings.is_geographic else None
+    origin = float(first.navigation.east[0]), float(first.navigation.north[0])
+    georeference = Georeference(latitude=origin[1], longitude=origin[0]) if first.is_geographic else None
     return [_named(dive, georeference, origin) for dive in dives]
+
+
+def _kind(pings: Pings) -> str:
+    return "degrees" if pings.is_geographic else "metres of a local frame" if pings.is_local else "metres"
 
 
 def _named(dive: _Dive, georeference: Georeference | None, origin: tuple[float, float]) -> Recording:
     """The recording of one file; its name goes before any complaint."""
     try:
+        if dive.pings.is_local:
+            return replace(_recording(dive, None, (0.0, 0.0)), georeference=dive.pings.georeference)
         return _recording(dive, georeference, origin)
     except ValueError as error:
         raise ValueError(f"{dive.path}: {error}") from None
@@ -175,7 +186,7 @@ def _nominal_interval(pings: Pings) -> float:
 def _recording(dive: _Dive, georeference: Georeference | None, origin: tuple[float, float]) -> Recording:
     pings = dive.pings
     trajectory, notes = make_trajectory(pings.navigation, dive.time, georeference, origin)
-    if georeference is None:
+    if georeference is None and not pings.is_local:
         notes.append(
             f"positions are metres of an unnamed grid; the origin is easting {origin[0]:.3f}, northing {origin[1]:.3f}"
         )
@@ -195,91 +206,3 @@ def _recording(dive: _Dive, georeference: Georeference | None, origin: tuple[flo
         notes=(*pings.notes, *notes),
         n_dropped=pings.n_dropped,
     )
-
-
-def plausible_lengths(n_samples: IntArray) -> BoolArray:
-    """Which pings are of a length that the others make believable.
-
-    Parameters
-    ----------
-    n_samples : ndarray of int, shape (P,)
-        Number of samples of each ping.
-
-    Returns
-    -------
-    is_plausible : ndarray of bool, shape (P,)
-        False for an empty ping and for one much longer than the mean, so that all pings side by side take no more
-        memory than a small multiple of their file.
-    """
-    mean = float(n_samples.mean()) if n_samples.size else 0.0
-    return np.asarray((n_samples > 0) & (n_samples <= _MAX_LENGTH_RATIO * mean))
-
-
-def gather_lines(data: mmap.mmap, offsets: IntArray, n_samples: IntArray, dtype: str) -> Float32Array:
-    """Read the samples of many pings.
-
-    Parameters
-    ----------
-    data : mmap
-        The file.
-    offsets : ndarray of int, shape (P,)
-        Where the samples of each ping start [bytes].
-    n_samples : ndarray of int, shape (P,)
-        Number of samples of each ping.
-    dtype : str
-        Type of a sample, with its byte order.
-
-    Returns
-    -------
-    lines : ndarray of float32, shape (P, M)
-        Samples in the order of the file; NaN beyond the last sample of a ping.
-    """
-    lines = np.full((len(offsets), int(n_samples.max(initial=0))), np.nan, dtype=np.float32)
-    content = np.frombuffer(data, np.uint8)
-    for n in np.unique(n_samples[n_samples > 0]).tolist():
-        rows = np.flatnonzero(n_samples == n)
-        windows = np.lib.stride_tricks.sliding_window_view(content, n * np.dtype(dtype).itemsize)
-        lines[rows, :n] = windows[offsets[rows]].view(dtype)
-    return lines
-
-
-def fill_width(port: Float32Array, starboard: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Give two sides the same number of samples.
-
-    Parameters
-    ----------
-    port, starboard : ndarray of float32, shapes (P, M) and (P, K)
-        Samples.
-
-    Returns
-    -------
-    port, starboard : ndarray of float32, shape (P, max(M, K))
-        The same, with NaN behind the shorter.
-    """
-    width = max(port.shape[1], starboard.shape[1])
-    filled = [np.pad(side, ((0, 0), (0, width - side.shape[1])), constant_values=np.nan) for side in (port, starboard)]
-    return filled[0], filled[1]
-
-
-def nearest_in_time(time: FloatArray, other: FloatArray, tolerance: float) -> tuple[IntArray, IntArray]:
-    """Bring the rows of two series together by time.
-
-    Parameters
-    ----------
-    time, other : ndarray, shapes (P,) and (K,)
-        Times, in any order [s].
-    tolerance : float
-        How far apart a pair may be [s].
-
-    Returns
-    -------
-    rows, other_rows : ndarray of int, shape (N,)
-        Pairs in the order of the first series; each row is used once at most.
-    """
-    order = np.argsort(other, kind="stable")
-    middles = (other[order][1:] + other[order][:-1]) / 2
-    nearest = order[np.searchsorted(middles, time)] if other.size else np.zeros(len(time), dtype=np.int64)
-    close = np.flatnonzero(np.abs(other[nearest] - time) <= tolerance) if other.size else np.zeros(0, dtype=np.int64)
-    _, first = np.unique(nearest[close], return_index=True)
-    rows = close[np.sort(first)]
-    return rows, nearest[rows]

@@ -73,6 +73,18 @@ def _read_lowrance(paths: Sequence[Path], channels: str | None) -> list[Recordin
     return read_lowrance_files(paths, channels)
 
 
+def _read_npz(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.npz_files import read_npz_files
+
+    return read_npz_files(paths, channels)
+
+
+def _read_csv(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+    from sssslam.readers.csv_files import read_csv_files
+
+    return read_csv_files(paths, channels)
+
+
 def _is_xtf(head: bytes) -> bool:
     """An XTF file header: format 123, and zero bytes behind it, since 123 also begins the text of a JSON file."""
     return head[:1] == b"\x7b" and b"\0" in head
@@ -103,6 +115,18 @@ def _is_lowrance(head: bytes) -> bool:
     return head[:2] in (b"\2\0", b"\3\0") and head[6:12] == b"\0\0\x08\0\0\0"
 
 
+def _is_npz(head: bytes) -> bool:
+    """A ZIP archive whose first entry is an array."""
+    return head.startswith(b"PK\x03\x04") and b".npy" in head[:256]
+
+
+def _is_csv(head: bytes) -> bool:
+    """Text whose first line that is no comment names a time and a sample."""
+    lines = (line for line in head.removeprefix(b"\xef\xbb\xbf").splitlines() if line.strip() and line[:1] != b"#")
+    names = [name.strip(b' "').lower() for name in next(lines, b"").split(b",")]
+    return b"time" in names and any(name.startswith((b"port_", b"starboard_")) for name in names)
+
+
 BUILT_IN = (
     Reader("XTF", _is_xtf, _read_xtf),
     Reader("NetCDF (.nc)", _is_netcdf, _read_netcdf),
@@ -110,6 +134,8 @@ BUILT_IN = (
     Reader("Humminbird (DAT or SON)", _is_humminbird, _read_humminbird),
     Reader("JSF", _is_jsf, _read_jsf),
     Reader("Lowrance SL2 or SL3", _is_lowrance, _read_lowrance),
+    Reader("NumPy (.npz)", _is_npz, _read_npz),
+    Reader("CSV", _is_csv, _read_csv),
 )
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from frontend.arrays import Float32Array, IntArray
 from frontend.recording import Recording, SonarGeometry
-from sssslam.readers.dives import Pings, fill_width, gather_lines, nearest_in_time, plausible_lengths, read_dives
+from sssslam.readers.dives import Pings, read_dives
 from sssslam.readers.humminbird_files import PORT, STARBOARD, Description, DiveFiles, find_files, read_description
 from sssslam.readers.humminbird_navigation import read_navigation
 from sssslam.readers.humminbird_records import BEAM, FREQUENCY, TIME, Records, read_records
+from sssslam.readers.lines import fill_width, gather_lines, nearest_in_time, plausible_lengths
 from sssslam.readers.xtf_packets import map_file
 
 # Time between samples [s]. No file holds it; users take a pixel of 2 / pi (c / (0.108 m 455 kHz)) metres, and soundings

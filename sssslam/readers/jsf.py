@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from frontend.recording import Quantity, Recording, SonarGeometry
-from sssslam.readers.dives import Pings, fill_width, read_dives
+from sssslam.readers.dives import Pings, read_dives
 from sssslam.readers.jsf_messages import Messages, index_messages
 from sssslam.readers.jsf_navigation import read_navigation, sound_speeds
 from sssslam.readers.jsf_pings import ANALYTIC, ENVELOPE, SonarData, read_sonar_data, sample_intervals
 from sssslam.readers.jsf_sides import choose_sides, match_sides, read_lines, take_channel
+from sssslam.readers.lines import fill_width
 from sssslam.readers.xtf_channels import Channel, Pair
 
 

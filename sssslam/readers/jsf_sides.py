@@ -5,8 +5,8 @@ import mmap
 import numpy as np
 
 from frontend.arrays import Float32Array, IntArray
-from sssslam.readers.dives import gather_lines, nearest_in_time, plausible_lengths
 from sssslam.readers.jsf_pings import SAMPLES, SIDES, SonarData, high_bits, sample_intervals
+from sssslam.readers.lines import gather_lines, nearest_in_time, plausible_lengths
 from sssslam.readers.xtf_channels import Channel, Pair, choose_pair
 
 # Block floating point: a 16-bit sample times 2^24 or 2^-24 says nothing, so such a weight is damage.

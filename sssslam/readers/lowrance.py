@@ -9,8 +9,9 @@ import numpy as np
 
 from frontend.arrays import AnyArray, FloatArray
 from frontend.recording import Recording, SonarGeometry
-from sssslam.readers.dives import Pings, fill_width, read_dives
+from sssslam.readers.dives import Pings, read_dives
 from sssslam.readers.layout import as_float64
+from sssslam.readers.lines import fill_width
 from sssslam.readers.lowrance_frames import Frames, read_frames
 from sssslam.readers.lowrance_sides import choose_sides, find_sides, read_sides
 from sssslam.readers.whole_metres import smooth_whole_metres

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from frontend.arrays import AnyArray, Float32Array, FloatArray, IntArray
-from sssslam.readers.dives import gather_lines, nearest_in_time, plausible_lengths
 from sssslam.readers.layout import as_float64
+from sssslam.readers.lines import gather_lines, nearest_in_time, plausible_lengths
 from sssslam.readers.lowrance_frames import Frames
 from sssslam.readers.xtf_channels import Channel, Pair, Side, choose_pair
 from sssslam.readers.xtf_samples import far_end_first, reverse_lines

@@ -9,8 +9,9 @@ import numpy as np
 
 from frontend.arrays import Float32Array, FloatArray, IntArray
 from frontend.recording import Recording, SonarGeometry
-from sssslam.readers.dives import Pings, gather_lines, plausible_lengths, read_dives
+from sssslam.readers.dives import Pings, read_dives
 from sssslam.readers.layout import as_float64, gather
+from sssslam.readers.lines import gather_lines, plausible_lengths
 from sssslam.readers.starfish_navigation import read_navigation
 from sssslam.readers.starfish_packets import Packets, index_packets, read_properties, stamps
 from sssslam.readers.xtf_samples import far_end_first, reverse_lines
