@@ -7,15 +7,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry
-from frontend.reconstruction import coiras, joint
+from frontend.reconstruction import coiras, joint, woock
 from frontend.reconstruction.calibration import calibrate
 from frontend.reconstruction.coiras import CoirasConfig
 from frontend.reconstruction.joint import JointConfig
+from frontend.reconstruction.woock import WoockConfig
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.windows import Window
 
-__all__ = ["CoirasConfig", "JointConfig", "Method", "ReconstructionConfig", "calibrate", "method_of"]
+__all__ = ["CoirasConfig", "JointConfig", "Method", "ReconstructionConfig", "WoockConfig", "calibrate", "method_of"]
 
 Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
 
@@ -23,6 +24,7 @@ Method = Callable[[Recording, Window, Bottom, Radiometry], Submap]
 _METHODS: dict[str, Callable[..., Submap]] = {
     "coiras": coiras.reconstruct,
     "joint": joint.reconstruct,
+    "woock": woock.reconstruct,
 }
 
 
@@ -31,12 +33,14 @@ class ReconstructionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    method: Literal["coiras", "joint"] = Field(
+    method: Literal["coiras", "joint", "woock"] = Field(
         default="joint",
-        description="joint: height and reflectivity by analysis by synthesis; coiras: lines stacked to an image.",
+        description="joint: height and reflectivity by analysis by synthesis; coiras: lines stacked to an image; "
+        "woock: lines in their true place in space.",
     )
     coiras: CoirasConfig = CoirasConfig()
     joint: JointConfig = JointConfig()
+    woock: WoockConfig = WoockConfig()
 
 
 def method_of(config: ReconstructionConfig) -> Method:
