@@ -74,9 +74,14 @@ def _load(path: Path, size: int) -> dict[str, AnyArray]:
         if unpacked > max(_MAX_RATIO * size, _SMALL):
             raise ValueError(f"the archive says it unpacks to {unpacked:.3g} bytes from {size}; less is wanted")
         with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files if name in names}
+            found = {name: arrays[name] for name in arrays.files if name in names}
     except _DAMAGE as error:
         raise ValueError(f"the archive is damaged ({' '.join(str(error).split())})") from None
+    # An entry without the signature of an array comes as its bytes.
+    for name, array in found.items():
+        if not isinstance(array, np.ndarray):
+            raise ValueError(f"{name} is no array but {len(array)} bytes; an array is wanted")
+    return found
 
 
 def _sides(arrays: dict[str, AnyArray]) -> tuple[Float32Array, Float32Array]:

@@ -242,6 +242,16 @@ def test_an_archive_that_unpacks_to_far_more_than_itself_is_refused(write):
         read(write(bomb))
 
 
+def test_an_entry_that_is_no_array_is_refused(write):
+    content = as_npz()
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as whole, zipfile.ZipFile(buffer, "w") as archive:
+        for name in whole.namelist():
+            archive.writestr(name, whole.read(name) if name != "x.npy" else b"no array")
+    with pytest.raises(ValueError, match="x is no array but 8 bytes; an array is wanted"):
+        read(write(buffer.getvalue()))
+
+
 def test_an_array_that_claims_more_than_it_holds_is_refused(write):
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
