@@ -86,7 +86,7 @@ def run(dive: Dive, out: Path, config: "Config") -> None:
         Settings.
     """
     check_folder(out)
-    result = _slam(dive.read(), config)
+    result = _slam(dive.read_track(), config)
     result.write(out)
     if dive.positions == "dead-reckoned" and result.recording.truth is not None:
         _judge(out, result.recording.truth)
@@ -172,7 +172,7 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     from sssslam.stages import notes, reconstruct_windows
 
     check_folder(out)
-    recording = dive.read()
+    recording = dive.read_track()
     config, watch = resolve(config, recording), Shown()
     reach = float(recording.slant_range_max.max())
     windows = sliding_windows(recording.trajectory_dr, reach, config.windows)

@@ -32,6 +32,27 @@ class Dive:
     clock_offset: str | None = None
     positions: str = "recorded"
 
+    def read_track(self) -> Recording:
+        """As `read`, for work that needs a vehicle that moves.
+
+        Returns
+        -------
+        recording : Recording
+            The dive.
+
+        Raises
+        ------
+        ValueError
+            If it stands still from the first ping to the last.
+        """
+        recording = self.read()
+        if recording.n_pings > 1 and recording.trajectory_dr.distance[-1] == 0:
+            raise ValueError(
+                f"{recording.source or 'the recording'}: the position is the same, or unknown, in all "
+                f"{recording.n_pings} pings; --nav FILE, or --navigation dead-reckoned by heading and speed, is wanted"
+            )
+        return recording
+
     def read(self) -> Recording:
         """Read its files and give them the navigation that was asked for.
 

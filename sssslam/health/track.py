@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from frontend.arrays import FloatArray
+from frontend.arrays import BoolArray, FloatArray
 from frontend.frames import heading_from_yaw, wrap_angle
 from frontend.recording import Recording
 from sssslam.health.finding import Finding, Lines, span
@@ -47,11 +47,11 @@ def _track(recording: Recording) -> Lines:
     mean = distance / float(trajectory.time[-1] - trajectory.time[0])
     yield "speed", f"{mean:.3g} m/s along the track" + (f", {span(recorded, 'm/s')} recorded" if recorded.size else "")
     yield "course", _shape(recording)
-    jumps = np.diff(trajectory.distance)[speeds > _MAX_SPEED]
+    jumps = _jumps(np.diff(trajectory.distance), speeds > _MAX_SPEED)
     if jumps.size:
         yield Finding(
             f"the position jumps ({jumps.size}x), by up to {jumps.max():.1f} m",
-            "navigation was corrected there; odometry across a jump is wrong",
+            "navigation was corrected there: odometry, or a reference, is wrong across a jump",
         )
     if distance < recording.slant_range_max[0] / 10:
         yield Finding(f"the vehicle moves {distance:.1f} m in all", "without a track there is nothing to reconstruct")
@@ -60,6 +60,12 @@ def _track(recording: Recording) -> Lines:
             f"recorded speed is {np.median(recorded):.2f} m/s, the track's {mean:.2f} m/s",
             "a unit is wrong, or the speed is through water in a strong current",
         )
+
+
+def _jumps(steps: FloatArray, is_fast: BoolArray) -> FloatArray:
+    """Lengths of the jumps; what a reader spread over several pings is one [m]."""
+    starts = np.flatnonzero(is_fast & ~np.concatenate([[False], is_fast[:-1]]))
+    return np.add.reduceat(np.where(is_fast, steps, 0.0), starts) if starts.size else starts.astype(np.float64)
 
 
 def _shape(recording: Recording) -> str:

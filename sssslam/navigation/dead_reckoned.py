@@ -30,7 +30,7 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
     -------
     recording : Recording
         Positions start at the first recorded one and follow heading and speed; attitude and height stay. The track as
-        recorded is its truth: the reference.
+        recorded, where the vehicle moves in it, is its truth: the reference.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
     return replace(
         recording,
         trajectory_dr=track,
-        truth=Truth(recorded),
+        truth=Truth(recorded) if recorded.distance[-1] > 0 else None,
         notes=(*recording.notes, *_notes(recording, track)),
     )
 
@@ -90,10 +90,9 @@ def integrate(time: FloatArray, yaw: FloatArray, speed: FloatArray) -> tuple[Flo
 def _notes(recording: Recording, track: Trajectory) -> list[str]:
     recorded, n_unknown = recording.trajectory_dr, int(np.isnan(recording.speed).sum())
     apart = float(np.hypot(track.x[-1] - recorded.x[-1], track.y[-1] - recorded.y[-1]))
-    notes = [
-        f"positions are rebuilt from heading and speed: {track.distance[-1]:.1f} m, {recorded.distance[-1]:.1f} m"
-        f" as recorded, {apart:.1f} m apart at the end; the recorded ones are the reference"
-    ]
+    against = f", {recorded.distance[-1]:.1f} m as recorded, {apart:.1f} m apart at the end; those are the reference"
+    reference = against if recorded.distance[-1] > 0 else ""
+    notes = [f"positions are rebuilt from heading and speed: {track.distance[-1]:.1f} m{reference}"]
     if n_unknown:
         notes.append(f"speed is missing in {n_unknown} of {recording.n_pings} pings and is interpolated")
     if _follows_course(recorded):

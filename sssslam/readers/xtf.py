@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frontend.arrays import BoolArray, FloatArray
+from frontend.arrays import FloatArray
 from frontend.georeference import Georeference
 from frontend.recording import Recording, SonarGeometry
 from sssslam.readers.ping_times import repair_times
@@ -16,7 +16,14 @@ from sssslam.readers.xtf_better_navigation import better_navigation
 from sssslam.readers.xtf_blocks import Blocks, read_blocks
 from sssslam.readers.xtf_channels import Channel, Pair, choose_pair, side_scan_channels
 from sssslam.readers.xtf_lines import Lines, Rows, match_sides, read_sides, slant_ranges
-from sssslam.readers.xtf_navigation import RawNavigation, good_pings, ping_stamps, raw_navigation, sound_speeds
+from sssslam.readers.xtf_navigation import (
+    RawNavigation,
+    good_pings,
+    ping_stamps,
+    raw_navigation,
+    sound_speeds,
+    without_positions,
+)
 from sssslam.readers.xtf_packets import (
     PING_HEADER,
     SIDE_TYPES,
@@ -137,7 +144,9 @@ def _read_dive(path: Path, data: mmap.mmap, channels: str | None) -> _Dive:
     time, repairs = repair_times(ping_stamps(pings[rows.ping]), _nominal_interval(blocks, rows))
     navigation, replaced = better_navigation(navigation, is_geographic, time, read_raw_series(data, index))
     is_good = good_pings(navigation, is_geographic)
-    _check_positions(is_good)
+    if not is_good.any():
+        navigation, unplaced = without_positions(navigation)
+        is_good, is_geographic, more = ~is_good, False, [*more, *unplaced]
     rows, navigation, time = rows[is_good], navigation[is_good], time[is_good]
     lines = read_sides(data, pair, blocks, rows, navigation.altitude)
     n_dropped = index.n_cut + _count_dropped(len(pings), blocks, pair, rows)
@@ -169,13 +178,6 @@ def _check_listing(listing: list[Channel], header: FileHeader, index: PacketInde
 def _check_rows(rows: Rows) -> None:
     if not len(rows.ping):
         raise ValueError("port and starboard have different sample spacings in every ping; one spacing is wanted")
-
-
-def _check_positions(is_good: BoolArray) -> None:
-    if not is_good.any():
-        raise ValueError(
-            f"none of {len(is_good)} pings has a position (all are zero or not finite); navigation is wanted"
-        )
 
 
 def _nominal_interval(blocks: Blocks, rows: Rows) -> float:
@@ -234,7 +236,7 @@ def _recording(dive: _Dive, georeference: Georeference | None, origin: tuple[flo
     """The dive of one file in the local frame."""
     trajectory, notes = make_trajectory(dive.navigation, dive.time, georeference, origin)
     speed, more = speed_in_metres(dive.navigation.speed, trajectory)
-    if georeference is None:
+    if georeference is None and origin != (0.0, 0.0):
         notes.append(
             f"positions are metres of an unnamed grid; the origin is easting {origin[0]:.3f}, northing {origin[1]:.3f}"
         )

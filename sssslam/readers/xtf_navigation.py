@@ -1,6 +1,6 @@
 """Navigation of XTF pings: positions, attitude, altitude, depth, speed and sound speed out of the ping headers."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -162,6 +162,26 @@ def _are_degrees(east: FloatArray, north: FloatArray, nav_units: int) -> tuple[b
         return False, []
     unit = "degrees" if can_be else "metres"
     return can_be, [f"the header's unit of positions, {nav_units}, is unknown: {unit} are assumed"]
+
+
+def without_positions(navigation: RawNavigation) -> tuple[RawNavigation, list[str]]:
+    """Navigation of a file that has no position: all pings at the origin, until other navigation is joined.
+
+    Parameters
+    ----------
+    navigation : RawNavigation
+        Navigation as recorded.
+
+    Returns
+    -------
+    navigation : RawNavigation
+        East and north are 0 in every ping.
+    notes : list of str
+        That it is so.
+    """
+    origin = np.zeros(len(navigation.east))
+    note = f"none of {len(origin)} pings has a position (all are zero or not finite): all are placed at the origin"
+    return replace(navigation, east=origin, north=origin.copy()), [note]
 
 
 def good_pings(navigation: RawNavigation, is_geographic: bool) -> BoolArray:

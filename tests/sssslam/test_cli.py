@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -296,6 +297,20 @@ def test_navigation_that_cannot_be_used_is_one_line(
     assert status == 1
     assert is_one_line(errors)
     assert words in errors
+
+
+@pytest.mark.parametrize("command", ["run", "reconstruct"])
+def test_a_vehicle_that_never_moves_is_one_line_that_names_the_way_out(
+    shell: Shell, tmp_path: Path, command: str
+) -> None:
+    recording = FlatFloor(np.full(20, 12.0)).record(np.random.default_rng(1))
+    still = replace(recording.trajectory_dr, x=np.zeros(20))
+    write_netcdf(replace(recording, trajectory_dr=still), tmp_path / "still.nc")
+    status, _, errors = shell(command, "still.nc", "-o", "out")
+    assert status == 1
+    assert is_one_line(errors)
+    assert "in all 20 pings; --nav FILE, or --navigation dead-reckoned" in errors
+    assert shell("info", "still.nc")[0] == 0
 
 
 def test_info_draws_a_waterfall_only_where_it_is_asked_to(shell: Shell, dive: Path, tmp_path: Path) -> None:

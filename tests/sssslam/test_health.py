@@ -109,6 +109,9 @@ FAULTS = {
     "port is called logarithmic and looks linear": lambda r: _called(r, Quantity.LOG),
     "time has gaps (1x), the longest 30.2 s": _with_gap,
     "the position jumps (1x), by up to 50.0 m": _with_jump,
+    "the position jumps (1x), by up to 51.2 m": lambda r: _moved(
+        r, y=np.interp(np.arange(200), [0, 100, 103, 200], [0, 0, 51.18, 51.18])
+    ),
     "the clock says 1970-01-01": lambda r: _moved(r, time=r.ping_time - 1.7e9),
     "sound needs 60 ms": lambda r: _moved(r, time=1.7e9 + 0.03 * np.arange(200)),
     "the vehicle moves 0.0 m in all": lambda r: _moved(r, x=np.zeros(200)),

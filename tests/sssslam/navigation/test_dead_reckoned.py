@@ -47,6 +47,15 @@ def test_missing_speed_is_interpolated_and_said_and_none_at_all_is_refused(dive)
         rebuild_dead_reckoned(dive(speed=np.full(600, np.nan)))
 
 
+def test_a_dive_without_positions_is_rebuilt_and_has_no_reference(dive):
+    recording = dive()
+    still = replace(recording.trajectory_dr, x=np.zeros(600), y=np.zeros(600))
+    rebuilt = rebuild_dead_reckoned(replace(recording, trajectory_dr=still))
+    np.testing.assert_allclose(rebuilt.trajectory_dr.x, recording.trajectory_dr.x, atol=0.02)
+    assert rebuilt.truth is None
+    assert rebuilt.notes[-1] == "positions are rebuilt from heading and speed: 179.7 m"
+
+
 def test_a_heading_made_of_positions_is_pointed_out(dive):
     recording = dive()
     track = recording.trajectory_dr

@@ -170,6 +170,16 @@ def test_pings_without_position_are_dropped_and_counted(scene, write):
     assert "pings dropped, for lack of position or samples: 5" in recording.notes
 
 
+@pytest.mark.parametrize("ping", [{"SensorXcoordinate": 0.0, "SensorYcoordinate": 0.0}, {"SensorXcoordinate": np.nan}])
+def test_a_file_without_any_position_stands_at_the_origin_and_says_so(scene, write, ping):
+    recording = read_xtf(write(scene(ping=ping).to_bytes()))
+    assert recording.n_pings == 40
+    assert not recording.trajectory_dr.positions[:, :2].any()
+    np.testing.assert_allclose(recording.trajectory_dr.yaw[0], np.radians(89.0), atol=1e-7)
+    assert recording.georeference is None
+    assert any("none of 40 pings has a position" in note for note in recording.notes)
+
+
 def test_the_ship_stands_in_for_a_sensor_without_position_or_heading(scene, write):
     ping = {
         "SensorXcoordinate": 0.0,
@@ -423,8 +433,6 @@ def test_sides_that_disagree_about_the_range_are_dropped(scene, write):
         ({"block": {"NumSamples": 0}, "channel": {"Reserved": 0}}, "no side-scan ping with samples"),
         ({"block": {"SlantRange": 0.0}}, "no side-scan ping with samples"),
         ({"n_pings": 0}, "no side-scan ping with samples (no whole packet)"),
-        ({"ping": {"SensorXcoordinate": 0.0, "SensorYcoordinate": 0.0}}, "none of 40 pings has a position"),
-        ({"ping": {"SensorXcoordinate": np.nan}}, "none of 40 pings has a position"),
         ({"channel": {"CorrectionFlags": 2}}, "corrected to ground range; slant range is wanted"),
         ({"n_bytes": 4, "sample_format": 1}, "IBM floating point"),
     ],
