@@ -1,10 +1,13 @@
 """The drift model: errors of heading and velocity sensors, and how a Kalman filter carries them along a track."""
 
+from typing import Literal
+
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from backend.arrays import FloatArray
 from backend.poses import sandwich
+from backend.sensor_errors import SensorErrorsConfig
 
 
 class DeadReckoningConfig(BaseModel):
@@ -12,6 +15,11 @@ class DeadReckoningConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    source: Literal["recorded", "sensors"] = Field(
+        default="recorded",
+        description="Track to correct: the recorded one, by a navigator that knows its sensors, or a new one from the "
+        "raw sensors; its covariance is that of the errors below.",
+    )
     heading_bias_sd: float = Field(
         default=0.02,
         ge=0,
@@ -53,6 +61,7 @@ class DeadReckoningConfig(BaseModel):
         ge=1,
         description="Depth and tilt of odometry are this much looser than measured [1]; each anchor holds its own.",
     )
+    sensors: SensorErrorsConfig = SensorErrorsConfig()
 
 
 def quarter_turn(vectors: FloatArray) -> FloatArray:
