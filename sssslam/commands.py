@@ -216,7 +216,7 @@ def info(dive: Dive, figure: Path | None) -> None:
     figure : Path or None
         Where to draw the waterfall with the bottom that was found.
     """
-    from sssslam.health import draw_health, examine
+    from sssslam.health import examine
 
     if figure is not None:
         check_file(figure, (".png",))
@@ -229,6 +229,8 @@ def info(dive: Dive, figure: Path | None) -> None:
     for finding in health.findings:
         out_console.print(f"! {finding.what}: {finding.advice}")
     if figure is not None:
+        from sssslam.health.figure import draw_health
+
         draw_health(recording, figure)
         out_console.print(f"waterfall: {figure}")
 

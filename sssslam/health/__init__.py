@@ -2,13 +2,12 @@
 
 from frontend.recording import Recording
 from sssslam.health.echoes import examine_echoes
-from sssslam.health.figure import draw_health
 from sssslam.health.finding import Finding, Health
 from sssslam.health.pings import examine_pings
 from sssslam.health.sensors import examine_sensors
 from sssslam.health.track import examine_track
 
-__all__ = ["Finding", "Health", "draw_health", "examine"]
+__all__ = ["Finding", "Health", "examine"]
 
 
 def examine(recording: Recording) -> Health:

@@ -10,8 +10,9 @@ import pytest
 from frontend.georeference import Georeference
 from frontend.recording import Quantity, Recording, SonarGeometry
 from frontend.trajectory import Trajectory
-from sssslam.health import Health, draw_health, examine
+from sssslam.health import Health, examine
 from sssslam.health.echoes import spread_exponent
+from sssslam.health.figure import draw_health
 from sssslam.health.track import count_crossings
 from sssslam.readers.ping_times import repair_times
 
