@@ -20,6 +20,7 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from frontend.windows import Window, sliding_windows
 from sssslam.config import Config, resolve
+from sssslam.dead_reckoning import dead_reckon
 from sssslam.products.result import Result
 from sssslam.readers.joining import join
 from sssslam.stages import close_loops, correct, decided, notes, prior_covariance, reconstruct_windows, solve_graph
@@ -47,6 +48,8 @@ def slam(recording: Recording, config: Config | None = None, watch: Watch | None
     """
     watch = watch or Watch()
     config = resolve(config or Config(), recording)
+    with watch.stage("dead reckoning"):
+        recording, dead_reckoning = dead_reckon(recording, config.dead_reckoning)
     windows = sliding_windows(recording.trajectory_dr, float(recording.slant_range_max.max()), config.windows)
     # echoes to shape
     with watch.stage("bottom"):
@@ -56,7 +59,6 @@ def slam(recording: Recording, config: Config | None = None, watch: Watch | None
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
     # shape to loop closures
     features = [describe_submap(submap, config.features) for submap in watch.track("features", submaps)]
-    dead_reckoning = DeadReckoning(recording.ping_time, recording.trajectory_dr.poses, config.dead_reckoning)
     closures = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch)
     # loop closures to a trajectory
     with watch.stage("pose graph"):
@@ -92,6 +94,10 @@ class Slam:
 
     def __init__(self, config: Config | None = None, sonar: SonarGeometry | None = None) -> None:
         self.config = config or Config()
+        if self.config.dead_reckoning.source == "sensors":
+            raise ValueError(
+                "dead_reckoning.source is 'sensors'; 'recorded' is wanted: smoothing raw sensors needs the whole dive"
+            )
         self.sonar = sonar
         self.loop_closures: list[LoopClosure] = []
         self.submaps: list[Submap] = []
