@@ -1,13 +1,15 @@
 """The clock: an offset put in on purpose comes out, within its uncertainty; series that do not tell are refused."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sssslam.navigation.clock import estimate_clock_offset
 from sssslam.navigation.log import NavigationLog
-from sssslam.navigation.series import Series
+from sssslam.navigation.series import Series, make_series
 from tests.sssslam.navigation.conftest import START, vehicle
 
 
@@ -66,3 +68,19 @@ def test_series_that_do_not_tell_are_refused_in_one_line(dive, kind):
     with pytest.raises(ValueError, match=r"log.csv: the clock offset cannot be told from roll") as error:
         estimate_clock_offset(recording, NavigationLog("log.csv", {"roll": Series(START + time, values)}))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.skipif("SSSSLAM_DATA" not in os.environ, reason="SSSSLAM_DATA is not set: no real recordings")
+@pytest.mark.parametrize("name", ["scotsman-iver2.xtf", "starfish-iver2-barbados.logdoc"])
+def test_the_echoes_of_a_real_dive_tell_the_clock_of_its_altimeter(name):
+    from sssslam.readers import read
+
+    recording = read(Path(os.environ["SSSSLAM_DATA"]) / "recordings" / name)
+    logs = [
+        NavigationLog("log.csv", {"altitude": make_series(recording.ping_time - offset, recording.altitude)})
+        for offset in (0.0, 3.7)
+    ]
+    plain, shifted = (estimate_clock_offset(recording, log)[0] for log in logs)
+    assert shifted.offset - plain.offset == pytest.approx(3.7, abs=4 * plain.sigma)
+    # An altimeter averages and is polled: it is late by less than a second, and never early.
+    assert -1.0 < plain.offset < 4 * plain.sigma
