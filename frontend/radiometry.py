@@ -7,10 +7,15 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from frontend.bottom import Bottom
-from frontend.geometry import off_nadir_angle
+from frontend.noise import floor_over_range, mean_floor
+from frontend.range_law import Excess, angle_knots, fit_beam_and_range
 from frontend.recording import Quantity, Recording
+from frontend.transfer import Transfer, estimate_transfer, to_intensity
 
-_N_RANGES = 40  # cells of range over which equal angles are compared
+__all__ = ["Radiometry", "RadiometryConfig", "Tables", "estimate_radiometry", "refine", "to_intensity"]
+
+_N_RANGE_KNOTS = 260
+_MOST_STEP = 3.0  # that a beam pattern moves in one round, as a logarithm: a window gone wrong says more
 
 
 class RadiometryConfig(BaseModel):
@@ -95,11 +100,15 @@ class Radiometry:
     Parameters
     ----------
     quantity : Quantity
-        What the recorded numbers were taken for: intensity or amplitude.
+        What the recorded numbers were taken for: intensity, amplitude or logarithm.
     looks : float
         Independent looks in one recorded sample.
     tables : Tables
         Beam pattern, range law, noise floor, scattering exponent.
+    transfer : Transfer or None
+        How numbers become intensities, and how sure that is; None: as usual for the quantity.
+    noise_floor : ndarray, shape (2, J), or None
+        Noise floor of each side over the ranges of ``tables.log_range``, as intensity. None: the same at all ranges.
     seafloor : Seafloor
         What the echoes say of the floor as a whole.
     """
@@ -107,32 +116,19 @@ class Radiometry:
     quantity: Quantity
     looks: float
     tables: Tables
+    transfer: Transfer | None = None
+    noise_floor: FloatArray | None = None
     seafloor: Seafloor = Seafloor()
 
+    def intensity(self, echoes: AnyArray) -> FloatArray:
+        """Intensities of recorded numbers, in the unit of the tables; NaN where a number is not finite."""
+        return (self.transfer or Transfer(self.quantity)).intensity(echoes)
 
-def to_intensity(echoes: AnyArray, quantity: Quantity) -> FloatArray:
-    """Intensities of recorded numbers.
-
-    Parameters
-    ----------
-    echoes : ndarray
-        Recorded numbers.
-    quantity : Quantity
-        What they are; a logarithm is in decibels.
-
-    Returns
-    -------
-    intensity : ndarray of float64
-        Squared amplitudes, or powers of ten, or the numbers themselves; NaN where that is not finite.
-    """
-    values = np.array(echoes, dtype=np.float64)
-    if quantity == Quantity.AMPLITUDE:
-        values = values**2
-    elif quantity == Quantity.LOG:
-        with np.errstate(over="ignore"):
-            values = 10.0 ** (values / 10.0)
-    values[~np.isfinite(values)] = np.nan
-    return values
+    @property
+    def words(self) -> str:
+        """What the samples were taken for and why, for people."""
+        words = self.transfer.words if self.transfer else f"Samples taken for {self.quantity}."
+        return f"{words} Each has {self.looks:.2g} looks."
 
 
 def estimate_radiometry(recording: Recording, bottom: Bottom, config: RadiometryConfig) -> Radiometry:
@@ -157,18 +153,29 @@ def estimate_radiometry(recording: Recording, bottom: Bottom, config: Radiometry
     ValueError
         If there is no echo at all.
     """
-    quantity = recording.sonar.quantity
-    if quantity == Quantity.UNKNOWN:
-        quantity = _estimate_quantity(recording, bottom)
+    transfer = estimate_transfer(recording)
     chosen = np.unique(np.linspace(0, recording.n_pings - 1, config.n_pings).astype(int))
     some = recording[chosen]
-    echoes = to_intensity(np.stack([some.port, some.starboard], axis=1), quantity)
-    if not np.any(echoes > 0):
+    echoes = transfer.intensity(np.stack([some.port, some.starboard], axis=1))
+    if not np.any(np.stack([some.port, some.starboard]) != 0) or not np.any(echoes > 0):
         raise ValueError("the recording holds no echoes: every sample is zero or unknown, some above zero are wanted")
-    some_bottom = Bottom(bottom.first_bottom_return[chosen], bottom.altitude[chosen], bottom.altimeter_scale)
-    noise = _noise_floor(echoes, some, some_bottom)
+    some_bottom = _chosen(bottom, chosen)
+    noise = mean_floor(echoes, some, some_bottom)
     tables = _flat_floor_tables(echoes, some, some_bottom, noise, config)
-    return Radiometry(quantity, _looks(recording, bottom, quantity), tables)
+    knots = np.asarray(np.arange(_N_RANGE_KNOTS) * tables.range_step, dtype=np.float64)
+    over_range = floor_over_range(echoes, some, some_bottom, (knots, noise))
+    return Radiometry(transfer.quantity, _looks(recording, bottom, transfer), tables, transfer, over_range)
+
+
+def _chosen(bottom: Bottom, pings: IntArray) -> Bottom:
+    last = bottom.last_usable_sample
+    return replace(
+        bottom,
+        first_bottom_return=bottom.first_bottom_return[pings],
+        altitude=bottom.altitude[pings],
+        is_found=None if bottom.is_found is None else bottom.is_found[pings],
+        last_usable_sample=None if last is None else last[pings],
+    )
 
 
 def refine(tables: Tables, angle: FloatArray, measured: FloatArray, modelled: FloatArray, smoothness: float) -> Tables:
@@ -193,7 +200,7 @@ def refine(tables: Tables, angle: FloatArray, measured: FloatArray, modelled: Fl
     log_beam = tables.log_beam.copy()
     for side in range(2):
         good = np.isfinite(angle[side])
-        knots = _knots(angle[side][good], tables)
+        knots = angle_knots(angle[side][good], tables.angle_first, tables.angle_step, log_beam.shape[1])
         top = np.bincount(knots, measured[side][good], log_beam.shape[1])
         base = np.bincount(knots, modelled[side][good], log_beam.shape[1])
         known = (top > 0) & (base > 0)
@@ -202,61 +209,40 @@ def refine(tables: Tables, angle: FloatArray, measured: FloatArray, modelled: Fl
     return replace(tables, log_beam=log_beam)
 
 
-def _knots(angle: FloatArray, tables: Tables) -> IntArray:
-    position = np.round((angle - tables.angle_first) / tables.angle_step).astype(np.int64)
-    return np.clip(position, 0, tables.log_beam.shape[1] - 1)
-
-
 def _smooth(values: FloatArray, known: BoolArray, weight: FloatArray, smoothness: float) -> FloatArray:
-    """Least squares through the known knots with small second differences; straight lines where nothing is known."""
+    """Least squares through the known knots with small second differences; the last known value goes on beyond."""
     n = known.size
+    if not known.any():
+        return np.zeros(n)
     w = np.where(known, np.minimum(weight, 10.0), 0.0) + 1e-9
     target = np.zeros(n)
-    target[known] = values
+    target[known] = np.clip(values, -_MOST_STEP, _MOST_STEP)
     second = np.diff(np.eye(n), 2, axis=0)
     first = np.diff(np.eye(n), 1, axis=0)
     normal = np.diag(w) + 1e-2 * smoothness * second.T @ second + 1e-4 * first.T @ first
-    return np.asarray(np.linalg.solve(normal, w * target))
+    solved = np.linalg.solve(normal, w * target)
+    ends = np.flatnonzero(known)[[0, -1]]
+    return np.asarray(solved[np.clip(np.arange(n), *ends)])
 
 
 def _slant_range(recording: Recording) -> FloatArray:
-    return np.asarray((np.arange(recording.n_samples) + 0.5) * np.median(recording.sample_spacing), dtype=np.float64)
+    """Shape (N, M): middles of the samples."""
+    return np.asarray((np.arange(recording.n_samples) + 0.5)[None, :] * recording.sample_spacing[:, None])
 
 
-def _noise_floor(echoes: FloatArray, recording: Recording, bottom: Bottom) -> FloatArray:
-    """Shape (2,): mean intensity in the water column, between ringing and bottom; fish and cross-talk left out."""
-    slant_range = _slant_range(recording)
-    floor = np.empty(2)
-    for side in range(2):
-        edge = bottom.first_bottom_return[:, side, None]
-        water = echoes[:, side][(slant_range > 0.4 * edge) & (slant_range < 0.85 * edge)]
-        water = water[np.isfinite(water)]
-        median = np.median(water) if water.size else 0.0
-        floor[side] = np.mean(water[water <= 6 * median]) if median > 0 else 0.0
-    smallest = 1e-6 * float(np.nanmean(echoes))
-    return np.asarray(np.maximum(floor, smallest))
-
-
-def _estimate_quantity(recording: Recording, bottom: Bottom) -> Quantity:
-    """Amplitude speckle varies by 0.52 of its mean, intensity speckle by 1; ping-to-ping differences tell."""
-    variation = np.sqrt(_variation(recording, bottom, Quantity.INTENSITY, 1))
-    return Quantity.INTENSITY if variation > 0.72 else Quantity.AMPLITUDE
-
-
-def _looks(recording: Recording, bottom: Bottom, quantity: Quantity) -> float:
+def _looks(recording: Recording, bottom: Bottom, transfer: Transfer) -> float:
     """Independent looks a sample, judged on means of eight so that correlated samples count once."""
-    return float(np.clip(1.0 / max(_variation(recording, bottom, quantity, 8) * 8, 1e-3), 0.1, 50.0))
+    return float(np.clip(1.0 / max(_variation(recording, bottom, transfer, 8) * 8, 1e-3), 0.1, 50.0))
 
 
-def _variation(recording: Recording, bottom: Bottom, quantity: Quantity, n: int) -> float:
+def _variation(recording: Recording, bottom: Bottom, transfer: Transfer, n: int) -> float:
     """Squared coefficient of variation of means of n samples, from neighbouring pings on the seafloor."""
     rows = np.unique(np.linspace(0, max(recording.n_pings - 2, 0), 400).astype(int))
-    slant_range, ratios = _slant_range(recording), []
-    length = recording.n_samples // n * n
+    length, ratios = recording.n_samples // n * n, []
+    centre = (np.arange(length // n) + 0.5)[None, :] * n * recording.sample_spacing[rows][:, None]
     for echoes in (recording.port, recording.starboard):
-        pair = [to_intensity(echoes[np.minimum(rows + k, recording.n_pings - 1), :length], quantity) for k in (0, 1)]
+        pair = [transfer.intensity(echoes[np.minimum(rows + k, recording.n_pings - 1), :length]) for k in (0, 1)]
         a, b = (p.reshape(len(rows), -1, n).mean(axis=2) for p in pair)
-        centre = slant_range[:length].reshape(-1, n).mean(axis=1)
         seen = (centre > 1.5 * bottom.altitude[rows][:, None]) & (a + b > 0)
         ratios.append((2 * (a - b)[seen] ** 2) / (a + b)[seen] ** 2)
     both = np.concatenate(ratios)
@@ -268,68 +254,31 @@ def _variation(recording: Recording, bottom: Bottom, quantity: Quantity, n: int)
 def _flat_floor_tables(
     echoes: FloatArray, recording: Recording, bottom: Bottom, noise: FloatArray, config: RadiometryConfig
 ) -> Tables:
-    """Beam pattern over angle and one power of range that explain the mean echoes of a flat floor."""
+    """Beam pattern over angle and range law that explain the mean echoes of a flat floor."""
     slant_range = _slant_range(recording)
-    attitude = (recording.trajectory_dr.roll, recording.trajectory_dr.pitch)
-    angle = off_nadir_angle(slant_range, bottom.altitude, attitude)
+    angle, shape = _flat_floor(slant_range, recording, bottom, config.exponent)
+    usable = np.isfinite(angle) & np.isfinite(echoes) & np.isfinite(shape)[:, None, :]
+    usable &= (slant_range > 1.05 * bottom.altitude[:, None])[:, None, :]
+    if bottom.last_usable_sample is not None:
+        usable &= np.arange(recording.n_samples) <= bottom.last_usable_sample[:, :, None]
+    safe = np.where(np.isfinite(shape), shape, 1.0)[:, None, :]
+    excess = Excess(angle, np.where(usable, (echoes - noise[None, :, None]) / safe, 0.0), usable, slant_range)
     n_knots = int(np.ceil((np.pi / 2 + 0.6) / config.angle_step)) + 1
-    shape = _flat_floor_shape(slant_range, bottom.altitude, config.exponent)[:, None, :]
-    usable = np.isfinite(angle) & np.isfinite(echoes) & np.isfinite(shape)
-    usable &= slant_range[None, None, :] > 1.05 * bottom.altitude[:, None, None]
-    tables = Tables(np.zeros((2, n_knots)), -0.5, config.angle_step, np.zeros(2), 1.0, noise, config.exponent)
-    level = np.where(usable, (echoes - noise[None, :, None]) / np.where(usable, shape, 1.0), 0.0)
-    log_beam, power = _fit_beam_and_range(_Excess(angle, level, usable), slant_range, tables, config.smoothness)
-    range_step = float(slant_range[-1]) / 200
-    knots = np.maximum(np.arange(260) * range_step, 0.5)
-    return replace(tables, log_beam=log_beam, log_range=-power * np.log(knots), range_step=range_step)
+    log_beam, law = fit_beam_and_range(excess, -0.5, config.angle_step, n_knots)
+    range_step = float(slant_range.max()) / 200
+    log_range = law(np.maximum(np.arange(_N_RANGE_KNOTS) * range_step, 0.5))
+    return Tables(log_beam, -0.5, config.angle_step, log_range, range_step, noise, config.exponent)
 
 
-def _flat_floor_shape(slant_range: FloatArray, altitude: FloatArray, exponent: float) -> FloatArray:
-    """Shape (N, M): cos^n(incidence) times ground range a metre of slant range; NaN in the water column."""
-    cosine = altitude[:, None] / slant_range[None, :]
-    sine = np.sqrt(np.where(cosine < 1, 1 - cosine**2, np.nan))
-    return np.asarray(cosine**exponent / sine)
-
-
-@dataclass(frozen=True)
-class _Excess:
-    """Echoes above the noise floor against those of a flat floor, shape (N, 2, M), and which of them count."""
-
-    angle: FloatArray
-    level: FloatArray
-    is_usable: BoolArray
-
-
-def _fit_beam_and_range(
-    excess: _Excess, slant_range: FloatArray, tables: Tables, smoothness: float
-) -> tuple[FloatArray, float]:
-    """Beam pattern, and the power of range that leaves the least spread over range at equal angle."""
-    sums, counts, log_range = _histogram(excess, slant_range, tables)
-    known = (counts > 0) & (sums > 0)
-    log_mean = np.log(np.where(known, sums, 1.0)) - np.log(np.where(known, counts, 1.0))
-    weight = np.where(known, counts, 0.0)
-    total = weight.sum(axis=2)
-    fits = []
-    for power in np.linspace(0.0, 5.0, 51):
-        level = log_mean + power * log_range
-        mean = (weight * level).sum(axis=2) / np.maximum(total, 1e-9)
-        spread = float((weight * (level - mean[:, :, None]) ** 2).sum() / max(total.sum(), 1e-9))
-        fits.append((spread + 1e-4 * (power - 3.0) ** 2, power, mean))  # spreading alone would be 3
-    _, power, mean = min(fits, key=lambda fit: fit[0])
-    share = total / np.maximum(total.max(axis=1, keepdims=True), 1e-9)
-    beam = [_smooth(mean[k][total[k] > 0], total[k] > 0, 10 * share[k], smoothness) for k in range(2)]
-    return np.stack(beam), float(power)
-
-
-def _histogram(excess: _Excess, slant_range: FloatArray, tables: Tables) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums and counts over (side, angle knot, range), and the logarithm of the ranges."""
-    shape = (tables.log_beam.shape[1], _N_RANGES)
-    column = (np.arange(slant_range.size) * _N_RANGES // slant_range.size)[None, :]
-    sums, counts = np.zeros((2, *shape)), np.zeros((2, *shape))
-    for side in range(2):
-        good = excess.is_usable[:, side]
-        cell = _knots(excess.angle[:, side][good], tables) * _N_RANGES + np.broadcast_to(column, good.shape)[good]
-        sums[side] = np.bincount(cell, excess.level[:, side][good], sums[side].size).reshape(shape)
-        counts[side] = np.bincount(cell, minlength=sums[side].size).reshape(shape)
-    centre = (np.arange(_N_RANGES) + 0.5) * slant_range[-1] / _N_RANGES
-    return sums, counts, np.log(centre)
+def _flat_floor(
+    slant_range: FloatArray, recording: Recording, bottom: Bottom, exponent: float
+) -> tuple[FloatArray, FloatArray]:
+    """Angles (N, 2, M) from the body's nadir, and cos^n(incidence) times ground range a metre of slant range (N, M)."""
+    attitude = recording.trajectory_dr
+    cosine = (bottom.altitude / np.cos(attitude.pitch))[:, None] / slant_range
+    cosine = np.where(cosine < 1, cosine, np.nan)
+    from_vertical = np.arccos(cosine)
+    roll = attitude.roll[:, None]
+    level = bottom.altitude[:, None] / slant_range
+    shape = level**exponent / np.sqrt(1 - cosine**2)
+    return np.stack([from_vertical - roll, from_vertical + roll], axis=1), shape

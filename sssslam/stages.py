@@ -1,6 +1,8 @@
 """The stages of the method as `sssslam.pipeline` strings them together: the two halves hand over plain values here."""
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +56,9 @@ def reconstruct_windows(
         One a window.
     """
     reconstruct = method_of(config.reconstruction)
-    return [reconstruct(recording, window, *known) for window in watch.track("reconstruction", windows)]
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # kernels let go of the interpreter's lock
+        submaps = pool.map(lambda window: reconstruct(recording, window, *known), windows)
+        return [next(submaps) for _ in watch.track("reconstruction", windows)]
 
 
 def close_loops(
@@ -242,7 +246,7 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
         f"Windows of {config.windows.length:.0f} m that overlap by {config.windows.overlap:.0%}, "
         f"cells of {config.reconstruction.joint.spacing:.2g} m: from a slant range of "
         f"{recording.slant_range_max.max():.0f} m.",
-        f"Samples taken for {radiometry.quantity} with {radiometry.looks:.2g} looks each.",
+        radiometry.words,
     ]
     if np.isfinite(bottom.altimeter_scale) and bottom.altimeter_scale != 1:
         scale = f"{bottom.altimeter_scale:.3f}"

@@ -7,7 +7,9 @@ import pytest
 
 from frontend.bottom import BottomConfig, find_bottom
 from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry, refine, to_intensity
-from frontend.recording import Quantity, Recording
+from frontend.recording import Quantity, Recording, SonarGeometry
+from frontend.transfer import DECIBEL
+from sssslam.simulation.receiver import LogRecorder
 from tests.frontend.flat_floor import FlatFloor, fan
 
 # 9 to 15 m of altitude: angle and range are told apart only where altitude changes
@@ -155,3 +157,80 @@ def test_angles_beyond_the_table_count_at_its_ends() -> None:
 def test_a_side_that_saw_nothing_keeps_its_pattern() -> None:
     angle, nothing = np.full((2, 50), np.nan), np.zeros((2, 50))
     np.testing.assert_array_equal(refine(flat_tables(), angle, nothing, nothing, 30.0).log_beam, 0.0)
+
+
+def test_a_step_beyond_belief_is_bounded() -> None:
+    angle = np.tile(np.linspace(0.0, 1.4, 500), (2, 1))
+    gone = refine(flat_tables(), angle, np.full(angle.shape, 1e30), np.ones(angle.shape), 30.0)
+    assert np.abs(gone.log_beam).max() <= 3.0 + 1e-6
+
+
+def test_logarithms_of_a_dive_give_its_beam_pattern() -> None:
+    floor = replace(WAVY, strength=1e8)
+    echoes = floor.record(np.random.default_rng(10), Quantity.INTENSITY)
+    recorder = LogRecorder(full_scale=65.0, dynamic_range=80.0)
+    steps = [recorder.record(side.astype(np.float64)) for side in (echoes.port, echoes.starboard)]
+    logarithmic = replace(echoes, port=steps[0], starboard=steps[1], sonar=SonarGeometry(quantity=Quantity.LOG))
+    straight, bent = estimate(echoes), estimate(logarithmic)
+    assert bent.quantity == Quantity.LOG
+    assert bent.transfer is not None
+    angle = knots(straight.tables)
+    seen = (angle > 0.5) & (angle < 1.1)
+    r = np.arange(260) * straight.tables.range_step
+    far = (r > 15) & (r < 40)
+    # what the unit of the logarithm is wrong by, the pattern and the law are, too
+    share = bent.transfer.step / DECIBEL / (80.0 / 255)
+    for true, found in (
+        (straight.tables.log_beam[:, seen], bent.tables.log_beam[:, seen]),
+        (straight.tables.log_range[far], bent.tables.log_range[far]),
+    ):
+        difference = found - share * true
+        assert np.ptp(difference) < 0.25 * np.ptp(true) + 0.3
+
+
+def test_a_range_that_changes_during_the_dive_changes_no_law() -> None:
+    fine = WAVY.record(np.random.default_rng(11), Quantity.INTENSITY)
+    halves = [((side[:, ::2] + side[:, 1::2]) / 2)[200:] for side in (fine.port, fine.starboard)]
+    padded = [np.pad(half, ((0, 0), (0, 450)), constant_values=np.nan) for half in halves]
+    mixed = replace(
+        fine,
+        port=np.r_[fine.port[:200], padded[0]],
+        starboard=np.r_[fine.starboard[:200], padded[1]],
+        sample_spacing=np.r_[fine.sample_spacing[:200], 2 * fine.sample_spacing[200:]],
+    )
+    bottom = find_bottom(fine, BottomConfig())
+    one, two = (estimate_radiometry(r, bottom, RadiometryConfig()).tables for r in (fine, mixed))
+    range_two = np.interp(np.linspace(10, 42, 40), np.arange(260) * two.range_step, two.log_range)
+    range_one = np.interp(np.linspace(10, 42, 40), np.arange(260) * one.range_step, one.log_range)
+    angle = knots(one)
+    seen = (angle > 0.5) & (angle < 1.15)
+    # a decibel: half the pings, in cells twice as wide, of which the farther half holds noise
+    assert np.ptp(range_two - range_one) < 0.23
+    assert np.ptp((two.log_beam - one.log_beam)[0, seen]) < 0.23
+
+
+def test_the_noise_floor_over_range_grows_with_the_recorders_gain() -> None:
+    gain = (WAVY.slant_range / 10) ** 2
+    recording = replace(WAVY, strength=1e8).record(np.random.default_rng(12), Quantity.INTENSITY)
+    louder = replace(
+        recording,
+        port=(recording.port * gain).astype(np.float32),
+        starboard=(recording.starboard * gain).astype(np.float32),
+    )
+    radiometry = estimate(louder)
+    assert radiometry.noise_floor is not None
+    r = np.arange(260) * radiometry.tables.range_step
+    heard = (r > 5.0) & (r < 11.0)
+    expected = np.array([[2.0], [1.0]]) * (r[heard] / 10) ** 2
+    # means of a few thousand exponentials, less the 7 % that leaving out loud ones takes
+    np.testing.assert_allclose(radiometry.noise_floor[:, heard], expected, rtol=0.15)
+    # never heard beyond: as at the last range it was heard at
+    assert (radiometry.noise_floor[:, -1] == radiometry.noise_floor[:, 150]).all()
+
+
+def test_what_the_samples_are_is_said_with_their_looks() -> None:
+    radiometry = estimate(WAVY.record(np.random.default_rng(13)))
+    assert radiometry.words.startswith("Samples taken for intensity by their speckle. Each has ")
+    assert Radiometry(Quantity.AMPLITUDE, 2.0, flat_tables()).words == "Samples taken for amplitude. Each has 2 looks."
+    values = np.array([3.0, np.nan])
+    np.testing.assert_array_equal(Radiometry(Quantity.AMPLITUDE, 2.0, flat_tables()).intensity(values), [9.0, np.nan])
