@@ -9,10 +9,11 @@ from frontend.loop_closures import LoopClosure
 from frontend.recording import Truth
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
+from sssslam.evaluation.legs import rpe_legs
 from sssslam.evaluation.loop_closures import evaluate_loop_closures
 from sssslam.evaluation.metric import Metric
 from sssslam.evaluation.reconstruction import evaluate_map, evaluate_submaps
-from sssslam.evaluation.trajectory import evaluate_tracks, track_coverage
+from sssslam.evaluation.trajectory import evaluate_tracks, track_coverage, track_nees
 
 
 class FinishedRun(Protocol):
@@ -73,6 +74,8 @@ def evaluate_run(run: FinishedRun, truth: Truth) -> list[Metric]:
     """
     metrics = evaluate_tracks(run.trajectory, run.trajectory_dr, truth.trajectory)
     metrics.append(track_coverage(run.trajectory, run.sigmas, truth.trajectory))
+    metrics.append(track_nees(run.trajectory, run.sigmas, truth.trajectory))
+    metrics += rpe_legs(run.trajectory, truth.trajectory)
     metrics += evaluate_loop_closures(run.loop_closures, run.anchor_time, truth.trajectory)
     if truth.terrain is not None:
         metrics += evaluate_submaps(run.submaps, truth.trajectory, truth.terrain)

@@ -161,6 +161,33 @@ def track_coverage(trajectory: Trajectory, sigmas: FloatArray, trajectory_ref: T
     return Metric("track_coverage_95", share, "%", f"horizontal, not aligned, 95 % is right, {inside.size} poses")
 
 
+def track_nees(trajectory: Trajectory, sigmas: FloatArray, trajectory_ref: Trajectory) -> Metric:
+    """How large the track's errors are against its own sigmas.
+
+    Parameters
+    ----------
+    trajectory, trajectory_ref : Trajectory
+        The track and the reference, on the same clock and in the same frame.
+    sigmas : ndarray, shape (N, 4)
+        Standard deviations of the track's x, y, z [m] and yaw [rad].
+
+    Returns
+    -------
+    nees : Metric
+        Mean of the squared errors of x, y and yaw over their variances; 1 is right on the average of many runs, as the
+        errors of one run hang together. NaN where no sigma is known.
+    """
+    matched, matched_ref, is_matched = associate(trajectory, trajectory_ref)
+    error = matched.positions[:, :2] - matched_ref.positions[:, :2]
+    error = np.column_stack([error, wrap_angle(matched.yaw - matched_ref.yaw)])
+    sigma = sigmas[is_matched][:, [0, 1, 3]]
+    known = np.all(sigma > 0, axis=1)
+    nees = root_mean_square(error[known] / sigma[known]) ** 2
+    return Metric(
+        "track_nees", nees, "", f"x y yaw over sigma, not aligned, 1 is right, {np.count_nonzero(known)} poses"
+    )
+
+
 def evaluate_tracks(trajectory: Trajectory, trajectory_dr: Trajectory, trajectory_ref: Trajectory) -> list[Metric]:
     """All metrics of the corrected track, each followed by that of the dead-reckoned one.
 

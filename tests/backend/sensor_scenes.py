@@ -118,6 +118,7 @@ def grade(name: str) -> DeadReckoningConfig:
         accelerometer_noise=(1e-4, 5e-4, 2e-3)[k],
         compass_noise=(2e-4, 1e-3, 3e-3)[k],
         depth_noise=0.02,
+        epoch=1.0,
     )
     return DeadReckoningConfig(
         heading_bias_sd=(0.035, 0.15, 2.0)[k] * degree,

@@ -19,6 +19,7 @@ from sssslam.evaluation.trajectory import (
     evaluate_tracks,
     rpe,
     track_coverage,
+    track_nees,
 )
 
 
@@ -143,6 +144,18 @@ def test_errors_that_are_as_large_as_claimed_are_covered_95_of_100_times(track_r
     assert track_coverage(noisy, sigmas, track_ref).value == pytest.approx(95.0, abs=3.3)
     assert track_coverage(noisy, 0.1 * sigmas, track_ref).value < 10.0
     assert np.isnan(track_coverage(noisy, np.full((n, 4), np.nan), track_ref).value)
+
+
+def test_the_nees_is_one_where_sigma_is_the_error(track_ref: Trajectory) -> None:
+    rng, n = np.random.default_rng(0), len(track_ref)
+    sigmas = np.tile([0.5, 0.2, 1.0, 0.01], (n, 1))
+    shift = sigmas * rng.normal(size=(n, 4))
+    x, y, yaw = (getattr(track_ref, name) + shift[:, k] for name, k in (("x", 0), ("y", 1), ("yaw", 3)))
+    noisy = replace(track_ref, x=x, y=y, yaw=yaw)
+    # the mean of 3 n squares of normal numbers: four of its standard deviations
+    assert track_nees(noisy, sigmas, track_ref).value == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / (3 * n)))
+    assert track_nees(noisy, 0.1 * sigmas, track_ref).value > 50.0
+    assert np.isnan(track_nees(noisy, np.full((n, 4), np.nan), track_ref).value)
 
 
 def test_the_reference_may_have_another_rate(track: Trajectory, track_ref: Trajectory) -> None:
