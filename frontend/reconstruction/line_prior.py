@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.sparse import block_diag, csr_array, diags_array, eye_array, vstack
 
-from frontend.arrays import FloatArray, IntArray
+from frontend.arrays import BoolArray, FloatArray, IntArray
 from frontend.reconstruction.lines import LineFrames
 from frontend.reconstruction.neighbours import Neighbours
 
@@ -16,15 +16,18 @@ class LinePriorConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    slope: float = Field(default=0.1, gt=0, description="Standard deviation of slopes [1]; 0.1 is 6 degrees.")
+    slope: float = Field(default=0.15, gt=0, description="Standard deviation of slopes [1]; 0.15 is 9 degrees.")
     slope_length: float = Field(
         default=2.0, gt=0, description="Correlation length of slopes [m]; shorter relief is taken for speckle."
     )
+    shadow_slope: float = Field(
+        default=4.0, ge=1, description="How much steeper it may be in and beside a shadow [1]; something cast it."
+    )
     reflectivity: float = Field(
-        default=0.1, gt=0, description="Standard deviation of log-reflectivity as amplitude [1]; half of intensity's."
+        default=0.15, gt=0, description="Standard deviation of log-reflectivity as amplitude [1]; half of intensity's."
     )
     reflectivity_length: float = Field(
-        default=8.0, gt=0, description="Correlation length of reflectivity on a line [m]; sediments change slowly."
+        default=12.0, gt=0, description="Correlation length of reflectivity on a line [m]; sediments change slowly."
     )
     altimeter_sigma: float = Field(
         default=0.3,
@@ -72,7 +75,7 @@ class LinePrior:
 
 
 def make_line_prior(
-    frames: LineFrames, neighbours: Neighbours, n_knots: int, n_angles: int, config: LinePriorConfig
+    frames: LineFrames, is_shadow: BoolArray, neighbours: Neighbours, knots: tuple[int, int], config: LinePriorConfig
 ) -> LinePrior:
     """The belief about one registration.
 
@@ -80,9 +83,11 @@ def make_line_prior(
     ----------
     frames : LineFrames
         The lines.
+    is_shadow : ndarray of bool, shape (L, C)
+        Cells in shadow.
     neighbours : Neighbours
         Planes through other lines.
-    n_knots, n_angles : int
+    knots : tuple of int
         Knots of the beam pattern, and how many of them lie over the angle.
     config : LinePriorConfig
         Its scales.
@@ -91,15 +96,18 @@ def make_line_prior(
     -------
     prior : LinePrior
         Slopes on a line are a stationary Gauss-Markov process, so are reflectivities; the plane through other lines
-        passes a cell within what such slopes allow over its distance; altitudes hold midway between the sides.
+        passes a cell within what such slopes allow over its distance; altitudes hold midway between the sides. In and
+        beside a shadow slopes are nearly free.
     """
     n_lines, n_cells = frames.shape
     on_line = _slope_rows(n_cells, frames.spacing, config)
-    slopes = csr_array(block_diag([on_line] * n_lines, format="csr"))
+    slopes = csr_array(
+        diags_array(_trust(is_shadow, config).ravel()) @ block_diag([on_line] * n_lines, format="csr"), dtype=np.float64
+    )
     patches = csr_array(
         block_diag([_markov(n_cells, config.reflectivity, frames.spacing / config.reflectivity_length)] * n_lines)
     )
-    anchor, beam = _anchor_rows(frames, config), _beam_rows(n_knots, n_angles, config)
+    anchor, beam = _anchor_rows(frames, config), _beam_rows(*knots, config)
     reach = neighbours.distance
     allowed = config.slope * reach * np.sqrt(np.minimum(reach / config.slope_length, 1.0))
     trust = np.where(np.isfinite(reach), 1.0 / np.where(np.isfinite(reach), np.maximum(allowed, 1e-6), 1.0), 0.0)
@@ -164,6 +172,15 @@ def _slope_rows(n_cells: int, spacing: float, config: LinePriorConfig) -> csr_ar
     n = n_cells - 1
     whiten = _markov(n, config.slope, spacing / config.slope_length)
     return csr_array(whiten @ _differences(np.arange(n), 1, n_cells) / spacing)
+
+
+def _trust(is_shadow: BoolArray, config: LinePriorConfig) -> FloatArray:
+    """Shape (L, C - 1): weight of what is believed of the slope beyond each cell, less if shadow lies about it."""
+    about = is_shadow.copy()
+    for shift in (1, 2):
+        about[:, shift:] |= is_shadow[:, :-shift]
+        about[:, :-shift] |= is_shadow[:, shift:]
+    return np.where(about[:, 1:] | about[:, :-1], 1.0 / config.shadow_slope, 1.0)
 
 
 def _differences(cells: IntArray, offset: int, n: int) -> csr_array:

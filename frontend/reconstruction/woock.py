@@ -74,7 +74,7 @@ class WoockConfig(BaseModel):
     )
     n_draws: int = Field(default=6, ge=2, description="Draws [1] from the posterior behind sigma; smoothed over cells.")
     sigma_factor: float = Field(
-        default=2.0, gt=0, description="Sigma against that of the posterior [1]; calibrated on simulation."
+        default=5.0, gt=0, description="Sigma against that of the posterior [1]; by simulation: errors are long waves."
     )
     shadows: ShadowConfig = ShadowConfig()
     prior: LinePriorConfig = LinePriorConfig()
@@ -134,8 +134,8 @@ def reconstruct(
     -------
     submap : Submap
         Heights, sigma, log-reflectivity and shadow on a grid in the level frame of the anchor ping. Sigma is that of
-        the linearised posterior, times a factor: it knows of speckle, reflectivity, slopes and the beam pattern's
-        freedom, not of a seafloor that breaks Lambert's law.
+        the linearised posterior, times a factor found on simulated fractal seafloors: a posterior knows of speckle,
+        reflectivity, slopes and the beam pattern's freedom, but most of the error is drift across the swath.
     """
     data = with_heave(window_data(recording, window, bottom, radiometry))
     state = invert_lines(data, radiometry, recording.sonar, config)
@@ -265,7 +265,7 @@ def _registered(state: LineState, radiometry: Radiometry, config: WoockConfig, d
     neighbours = local_planes(frames, state.relief, config.n_neighbours)
     beam, n_angles = beam_knots(frames, image.angle, config.prior.beam_angle, config.prior.beam_track)
     model = make_model(frames, image, neighbours, beam, radiometry.tables.exponent)
-    prior = make_line_prior(frames, neighbours, beam.shape[1], n_angles, config.prior)
+    prior = make_line_prior(frames, image.is_shadow, neighbours, (beam.shape[1], n_angles), config.prior)
     problem = LineProblem(model, image, prior, frames.spacing)
     start = np.concatenate([state.relief.ravel(), state.log_reflectivity.ravel(), np.zeros(beam.shape[1])])
     solution = minimise_lines(problem, start, config.solver, deadline)

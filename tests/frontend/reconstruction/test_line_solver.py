@@ -32,7 +32,7 @@ def make_problem(n: int = 12, spacing: float = 3.0, height: float = 0.3) -> tupl
     neighbours = local_planes(frames, rough(frames, height=height), 6)
     beam, n_angles = beam_knots(frames, image.angle, 0.3, 3.0)
     model = make_model(frames, replace(image, is_shadow=dark), neighbours, beam, 2.0)
-    prior = make_line_prior(frames, neighbours, beam.shape[1], n_angles, LinePriorConfig())
+    prior = make_line_prior(frames, dark, neighbours, (beam.shape[1], n_angles), LinePriorConfig())
     truth = np.concatenate([rough(frames, height=height).ravel(), np.zeros(model.size - model.n_cells)])
     amplitude = model.linearise(truth).amplitude.reshape(frames.shape)
     return frames, LineProblem(model, replace(image, amplitude=amplitude, is_shadow=dark), prior, spacing), truth
