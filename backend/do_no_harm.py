@@ -1,15 +1,23 @@
 """Do no harm: which loop closures should be withdrawn after the graph is solved, and why."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.stats import chi2
+from scipy.special import chdtri
 
-from backend.arrays import FloatArray, IntArray
+from backend.arrays import FloatArray
 from backend.innovations import Innovations
-from backend.poses import RelativePose, invert, logarithm, tangent_covariance
-from backend.solution import PoseGraphSolution, Withdrawal
+from backend.optimiser import residual_distances
+from backend.poses import invert
+from backend.problem import Estimate, Problem
+from backend.solution import Withdrawal
+
+__all__ = ["DoNoHarmConfig", "MapAgreement", "harmful_closures", "residual_distances"]
+
+MapAgreement = Callable[[int, int, FloatArray], float]
+
+_SHARE_AT_ONCE = 4  # of the closures whose maps disagree, one in so many goes at a time
 
 
 class DoNoHarmConfig(BaseModel):
@@ -28,24 +36,27 @@ class DoNoHarmConfig(BaseModel):
         gt=0,
         description="Largest root mean square of what closures correct [standard deviations]; by chance it is 1.",
     )
+    min_agreement: float = Field(
+        default=2.0,
+        description="Least agreement of two maps where the graph lays them [standard deviations above chance]; it must "
+        "also be no less than where dead reckoning laid them.",
+    )
 
 
 def harmful_closures(
-    solution: PoseGraphSolution,
-    closures: Sequence[RelativePose],
-    compared: Innovations,
-    config: DoNoHarmConfig | None = None,
+    estimate: Estimate, problem: Problem, agreement: MapAgreement | None, config: DoNoHarmConfig | None = None
 ) -> dict[int, str]:
     """Find closures that hold the graph and should not.
 
     Parameters
     ----------
-    solution : PoseGraphSolution
+    estimate : Estimate
         The solved graph.
-    closures : sequence of RelativePose, length C
-        Its closures.
-    compared : Innovations
-        The same closures against dead reckoning and its covariance.
+    problem : Problem
+        What it was solved for.
+    agreement : callable or None
+        How well the maps of two anchors agree at a relative pose of their bodies, in standard deviations above chance;
+        NaN where they do not overlap. None where nobody knows.
     config : DoNoHarmConfig, optional
         What is allowed.
 
@@ -53,44 +64,40 @@ def harmful_closures(
     -------
     reasons : dict of int to str
         Why, by the closure's position, without a comma: the one with the worst residual, as the others may be better
-        off without it; or all of them where together they correct more than dead reckoning can be wrong.
+        off without it; or all of them where together they correct more than dead reckoning can be wrong; or those whose
+        maps disagree, the worst of them.
     """
     config = config or DoNoHarmConfig()
-    holding = np.flatnonzero(solution.is_inlier)
-    if not holding.size:
+    if not estimate.n_holding:
         return {}
-    distances = residual_distances(solution.T_world_anchor, [closures[int(closure)] for closure in holding])
+    distances = residual_distances(estimate.T_world_anchor, problem.chosen(estimate.holding))
     worst = int(np.argmax(distances))
-    if distances[worst] > chi2.ppf(config.residual_probability, 6):
-        return {int(holding[worst]): str(Withdrawal.RESIDUAL)}
-    if _correction(compared[holding], solution.odometry_scale) > config.max_correction:
-        return {int(closure): str(Withdrawal.BEYOND_DRIFT) for closure in holding}
-    return {}
+    if distances[worst] > chdtri(6, 1.0 - config.residual_probability):
+        return {int(estimate.holding[worst]): str(Withdrawal.RESIDUAL)}
+    compared = problem.compared(estimate.T_world_anchor)[estimate.holding]
+    if _correction(compared, estimate.odometry_scale) > config.max_correction:
+        return {int(closure): str(Withdrawal.BEYOND_DRIFT) for closure in estimate.holding}
+    return {} if agreement is None else _disagreeing(estimate, problem, agreement, config)
 
 
-def residual_distances(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> FloatArray:
-    """Residuals of relative poses against their own covariances.
+def _disagreeing(
+    estimate: Estimate, problem: Problem, agreement: MapAgreement, config: DoNoHarmConfig
+) -> dict[int, str]:
+    """Those whose maps agree worst: too little, or less than at the dead-reckoned poses."""
+    ends = [(closure.target, closure.source) for closure in problem.chosen(estimate.holding)]
+    after = _agreements(estimate.T_world_anchor, ends, agreement)
+    before = _agreements(problem.T_world_anchor_dr, ends, agreement)
+    lacking = np.fmax(config.min_agreement, before) - after
+    bad = np.flatnonzero(lacking > 0.0)
+    # only the worst: the others may be better off without them
+    worst = bad[np.argsort(-lacking[bad], kind="stable")][: 1 + len(bad) // _SHARE_AT_ONCE]
+    return {int(estimate.holding[k]): str(Withdrawal.MAPS_DISAGREE) for k in worst}
 
-    Parameters
-    ----------
-    T_world_anchor : ndarray, shape (S, 4, 4)
-        Poses of the anchors.
-    relative_poses : sequence of RelativePose, length C
-        What was measured between them.
 
-    Returns
-    -------
-    distances : ndarray, shape (C,)
-        Squared Mahalanobis distances of six dimensions.
-    """
-    target: IntArray = np.array([relative.target for relative in relative_poses], dtype=np.int64)
-    source: IntArray = np.array([relative.source for relative in relative_poses], dtype=np.int64)
-    measured = np.array([relative.T_target_source for relative in relative_poses]).reshape(-1, 4, 4)
-    covariance = np.array([relative.covariance for relative in relative_poses]).reshape(-1, 6, 6)
-    found = invert(T_world_anchor[target]) @ T_world_anchor[source]
-    residual = logarithm(invert(measured) @ found)
-    weighed = np.linalg.solve(tangent_covariance(measured, covariance), residual[..., None])[..., 0]
-    return np.asarray(np.einsum("ai,ai->a", residual, weighed))
+def _agreements(T_world_anchor: FloatArray, ends: Sequence[tuple[int, int]], agreement: MapAgreement) -> FloatArray:
+    """How well maps agree where poses lay them."""
+    relative = [invert(T_world_anchor[target]) @ T_world_anchor[source] for target, source in ends]
+    return np.array([agreement(*pair, T) for pair, T in zip(ends, relative, strict=True)])
 
 
 def _correction(closures: Innovations, scale: float) -> float:

@@ -5,14 +5,17 @@ reckoning lets them be looked for. All figures are logarithms of likelihood rati
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
 from backend.innovations import Innovations
 
 _DIMENSIONS = 3  # yaw, x, y
-_GATE = float(chi2.ppf(0.9999, _DIMENSIONS))  # squared radius of the gate: hardly a true closure lies outside
+_GATE = float(chdtri(_DIMENSIONS, 1e-4))  # squared radius of the gate: hardly a true closure lies outside
+_LARGEST = 50.0  # log of a ratio that is as good as endless
+_SHARE_AT_ONCE = 8  # of the losers, one in so many goes at a time: the worst drag others down
 _LOG_NORMAL = -0.5 * _DIMENSIONS * np.log(2.0 * np.pi)
 
 
@@ -29,13 +32,32 @@ def log_evidence(members: Innovations, scale: float) -> float:
     Returns
     -------
     log_evidence : float
-        Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side. The gate stays
-        that of the model, so that evidence compares scales.
+        Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side.
     """
     factor, residuals = cho_factor(members.joint_covariance(scale), lower=True), members.residuals.ravel()
     log_true = -0.5 * residuals @ cho_solve(factor, residuals) - np.log(np.diag(factor[0])).sum()
     log_prior = -0.5 * (np.log(scale) / np.log(2.0)) ** 2
-    return float(log_true + len(members) * _LOG_NORMAL - _log_false(members, 1.0).sum() + log_prior)
+    return float(log_true + len(members) * _LOG_NORMAL - log_gate(members, 1.0).sum() + log_prior)
+
+
+def log_gate(closures: Innovations, scale: float) -> FloatArray:
+    """Density of closures spread evenly over the gate of dead reckoning.
+
+    Parameters
+    ----------
+    closures : Innovations
+        The closures, C of them.
+    scale : float
+        Dead reckoning is this much worse than said.
+
+    Returns
+    -------
+    log_density : ndarray, shape (C,)
+        Its logarithm [1/(rad m**2)].
+    """
+    drift = closures.drift[closures.last] - closures.drift[closures.first]
+    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(_GATE)
+    return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])
 
 
 def gains_beside(judged: Innovations, believed: Innovations, scale: float) -> FloatArray:
@@ -55,18 +77,122 @@ def gains_beside(judged: Innovations, believed: Innovations, scale: float) -> Fl
     gains : ndarray, shape (D,)
         Positive where the set tells that the closure is true.
     """
+    return log_normal(*surprises(judged, believed, scale)) - log_gate(judged, scale)
+
+
+def log_normal(residuals: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Log density of residuals about zero.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (K, 3)
+        Yaw, x, y [rad, m, m].
+    covariances : ndarray, shape (K, 3, 3)
+        Of each.
+
+    Returns
+    -------
+    log_density : ndarray, shape (K,)
+        Of each by itself [1/(rad m**2)].
+    """
+    distance = np.einsum("ai,ai->a", residuals, np.linalg.solve(covariances, residuals[..., None])[..., 0])
+    return np.asarray(_LOG_NORMAL - 0.5 * (distance + np.linalg.slogdet(covariances)[1]))
+
+
+def surprises(judged: Innovations, believed: Innovations, scale: float) -> tuple[FloatArray, FloatArray]:
+    """How far closures lie from where a set says that they must.
+
+    Parameters
+    ----------
+    judged : Innovations
+        The closures in question, D of them.
+    believed : Innovations
+        The set.
+    scale : float
+        Dead reckoning is this much worse than said.
+
+    Returns
+    -------
+    surprise : ndarray, shape (D, 3)
+        Yaw, x, y [rad, m, m].
+    covariance : ndarray, shape (D, 3, 3)
+        Of the surprise, were the closure true.
+    """
     factor = cho_factor(believed.joint_covariance(scale), lower=True)
     shared = scale**2 * judged.shared_drift(believed).transpose(0, 2, 1, 3).reshape(3 * len(judged), -1)
     gain = cho_solve(factor, shared.T).T.reshape(len(judged), 3, -1)
     surprise = judged.residuals - gain @ believed.residuals.ravel()
     drift = judged.drift[judged.last] - judged.drift[judged.first]
     explained = gain @ shared.reshape(len(judged), 3, -1).transpose(0, 2, 1)
-    covariance = judged.noise + scale**2 * drift - explained
-    distance = np.einsum("ai,ai->a", surprise, np.linalg.solve(covariance, surprise[..., None])[..., 0])
-    return np.asarray(_LOG_NORMAL - 0.5 * (distance + np.linalg.slogdet(covariance)[1]) - _log_false(judged, scale))
+    return surprise, judged.noise + scale**2 * drift - explained
 
 
-def without_losers(closures: Innovations, group: IntArray, scale: float) -> IntArray:
+def surpluses(judged: Innovations, believed: Innovations, scale: float, cost: float) -> tuple[FloatArray, float]:
+    """Evidence beyond what outweighs how dense false closures lie, and how costly they are.
+
+    Parameters
+    ----------
+    judged : Innovations
+        The closures that are no members, D of them, at least one; they tell how false ones scatter.
+    believed : Innovations
+        The set, of K closures, at least one.
+    scale : float
+        Dead reckoning is this much worse than said.
+    cost : float
+        How much worse a false closure is than a missing one [1].
+
+    Returns
+    -------
+    surpluses : ndarray, shape (D,)
+        Positive where a closure should join.
+    log_density : float
+        Of those judged, as false ones [1/(rad m**2)].
+
+    Notes
+    -----
+    False closures are a mixture: one spread evenly over the gate, and those judged that gain nothing, spread evenly
+    over the ellipsoid that has their second moments.
+    """
+    surprise, covariance = surprises(judged, believed, scale)
+    gains = log_normal(surprise, covariance) - log_gate(judged, scale)
+    is_false = gains <= 0.0  # whatever the density: the others may all be true
+    log_density = _log_scatter(surprise[is_false], judged.noise[is_false])
+    return gains - least_gains(judged, scale, log_density, cost / (len(believed) + 1.0)), log_density
+
+
+def _log_scatter(surprise: FloatArray, noise: FloatArray) -> float:
+    """Logarithm of how dense closures lie that are spread evenly over the ellipsoid with their second moments."""
+    if not len(surprise):
+        return -np.inf
+    moments = (surprise.T @ surprise + noise.sum(axis=0)) / len(surprise)
+    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(5.0) + 0.5 * np.linalg.slogdet(moments)[1]
+    return float(np.log(len(surprise)) - log_volume)
+
+
+def least_gains(closures: Innovations, scale: float, log_density: float, odds: float) -> FloatArray:
+    """Evidence that outweighs false closures of some density.
+
+    Parameters
+    ----------
+    closures : Innovations
+        The closures in question, D of them.
+    scale : float
+        Dead reckoning is this much worse than said.
+    log_density : float
+        Logarithm of the density of false closures [1/(rad m**2)], besides one that is spread over the gate.
+    odds : float
+        Weight of a false closure against a true one [1].
+
+    Returns
+    -------
+    least : ndarray, shape (D,)
+        What each must gain; never negative.
+    """
+    ratio = np.minimum(log_density - log_gate(closures, scale), _LARGEST)
+    return np.maximum(np.log(odds) + np.log1p(np.exp(ratio)), 0.0)
+
+
+def without_losers(closures: Innovations, group: IntArray, scale: float, least: ArrayLike = 0.0) -> IntArray:
     """Drop what all others explain worst, again and again, until each closure and each group adds evidence.
 
     Parameters
@@ -77,31 +203,34 @@ def without_losers(closures: Innovations, group: IntArray, scale: float) -> IntA
         Closures of one group may share one wrong offset; then only the others can tell.
     scale : float
         Dead reckoning is this much worse than said.
+    least : array_like, shape (K,)
+        Evidence that is enough.
 
     Returns
     -------
     kept : ndarray of int, shape (<= K,)
         Positions of those that stay.
     """
-    kept, log_false = np.arange(len(closures)), _log_false(closures, scale)
+    kept, enough = np.arange(len(closures)), log_gate(closures, scale) + np.asarray(least)
     information: FloatArray = np.asarray(np.linalg.inv(closures.joint_covariance(scale)), dtype=np.float64)
     while kept.size:
-        losers = _losers(information, closures.residuals[kept], log_false[kept], group[kept])
+        losers = _losers(information, closures.residuals[kept], enough[kept], group[kept])
         if not losers.size:
             break
         kept, information = np.delete(kept, losers), _without(information, losers)
     return kept
 
 
-def _losers(information: FloatArray, residuals: FloatArray, log_false: FloatArray, group: IntArray) -> IntArray:
-    """The closure, or else the group, that loses most evidence by being in the set; empty if none does."""
-    for member in (np.arange(len(group)), np.unique(group, return_inverse=True)[1]):
-        n_closures = np.bincount(member)
-        gain = _gains_within(information, residuals, member) - np.bincount(member, log_false) / n_closures
-        worst = int(np.argmin(gain))
-        if gain[worst] < 0.0:
-            return np.flatnonzero(member == worst)
-    return np.zeros(0, dtype=np.int64)
+def _losers(information: FloatArray, residuals: FloatArray, least: FloatArray, group: IntArray) -> IntArray:
+    """The closures, or else the group, that lose most evidence by being in the set; empty if none does."""
+    each = np.arange(len(group))
+    gain = _gains_within(information, residuals, each) - least
+    worst = np.argsort(gain, kind="stable")[: 1 + int((gain < 0.0).sum()) // _SHARE_AT_ONCE]
+    if gain[worst[0]] < 0.0:
+        return np.sort(worst)
+    member = np.unique(group, return_inverse=True)[1]
+    gain = _gains_within(information, residuals, member) - np.bincount(member, least) / np.bincount(member)
+    return np.flatnonzero(member == np.argmin(gain)) if gain.min() < 0.0 else np.zeros(0, dtype=np.int64)
 
 
 def _gains_within(information: FloatArray, residuals: FloatArray, group: IntArray) -> FloatArray:
@@ -123,10 +252,3 @@ def _without(information: FloatArray, closures: IntArray) -> FloatArray:
     return np.asarray(
         information[np.ix_(others, others)] - cross @ np.linalg.solve(information[np.ix_(rows, rows)], cross.T)
     )
-
-
-def _log_false(closures: Innovations, scale: float) -> FloatArray:
-    """Log density of false closures [1/(rad m**2)]: even over the gate of dead reckoning at that scale."""
-    drift = closures.drift[closures.last] - closures.drift[closures.first]
-    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(_GATE)
-    return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])

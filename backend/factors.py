@@ -1,6 +1,6 @@
 """GTSAM's factors of a graph of anchors: the first pose, odometry, depth, roll and pitch, loop closures."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -30,6 +30,26 @@ class UnaryKnowledge:
     anchor: int
     depth_sd: float
     tilt_sd: float
+
+
+@dataclass(frozen=True)
+class PositionFix:
+    """Where a satellite receiver saw an anchor.
+
+    Parameters
+    ----------
+    anchor : int
+        Number of the anchor.
+    east, north : float
+        Position in the world [m].
+    sigma : float
+        Standard deviation of each [m].
+    """
+
+    anchor: int
+    east: float
+    north: float
+    sigma: float
 
 
 def first_pose_factor(T_world_anchor: FloatArray, sigmas: FloatArray) -> gtsam.PriorFactorPose3:
@@ -67,6 +87,48 @@ def between_factor(relative: RelativePose) -> gtsam.BetweenFactorPose3:
     covariance = tangent_covariance(relative.T_target_source, relative.covariance)
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     return gtsam.BetweenFactorPose3(relative.target, relative.source, gtsam.Pose3(relative.T_target_source), noise)
+
+
+def between_factors(relative_poses: Sequence[RelativePose]) -> list[gtsam.BetweenFactorPose3]:
+    """Hold many pairs of anchors together.
+
+    Parameters
+    ----------
+    relative_poses : sequence of RelativePose
+        The measurements.
+
+    Returns
+    -------
+    factors : list of gtsam.BetweenFactorPose3
+        As `between_factor` makes them, the covariances turned all at once.
+    """
+    if not relative_poses:
+        return []
+    T = np.stack([relative.T_target_source for relative in relative_poses])
+    covariances = tangent_covariance(T, np.stack([relative.covariance for relative in relative_poses]))
+    noises = [gtsam.noiseModel.Gaussian.Covariance(covariance) for covariance in covariances]
+    measured = zip(relative_poses, noises, strict=True)
+    return [
+        gtsam.BetweenFactorPose3(relative.target, relative.source, gtsam.Pose3(relative.T_target_source), noise)
+        for relative, noise in measured
+    ]
+
+
+def fix_factor(fix: PositionFix) -> gtsam.PoseTranslationPrior3D:
+    """Hold an anchor where a satellite receiver saw it; height and attitude stay free.
+
+    Parameters
+    ----------
+    fix : PositionFix
+        The fix.
+
+    Returns
+    -------
+    factor : gtsam.PoseTranslationPrior3D
+        The factor.
+    """
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([fix.sigma, fix.sigma, _FREE]))
+    return gtsam.PoseTranslationPrior3D(fix.anchor, np.array([fix.east, fix.north, 0.0]), noise)
 
 
 def unary_factors(T_world_anchor: FloatArray, known: UnaryKnowledge) -> list[gtsam.NonlinearFactor]:

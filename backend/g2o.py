@@ -1,6 +1,6 @@
 """The pose graph as text in the g2o format, exact to the last bit and with nothing dropped but the unary factors."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,23 +27,28 @@ def g2o_text(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose])
     text : str
         ``VERTEX_SE3:QUAT`` and ``EDGE_SE3:QUAT`` lines; information is translation first, as the format wants it.
     """
-    vertices = [f"VERTEX_SE3:QUAT {anchor} {_pose(T)}" for anchor, T in enumerate(T_world_anchor)]
-    return "\n".join([*vertices, "FIX 0", *(_edge(relative) for relative in relative_poses)]) + "\n"
+    vertices = [f"VERTEX_SE3:QUAT {anchor} {_numbers(pose)}" for anchor, pose in enumerate(_poses(T_world_anchor))]
+    return "\n".join([*vertices, "FIX 0", *_edges(relative_poses)]) + "\n"
 
 
-def _edge(relative: RelativePose) -> str:
-    """One relative pose with the upper triangle of its information."""
-    information = np.linalg.inv(tangent_covariance(relative.T_target_source, relative.covariance))
-    upper = (0.5 * (information + information.T))[np.ix_(_TRANSLATION_FIRST, _TRANSLATION_FIRST)][_UPPER]
-    return f"EDGE_SE3:QUAT {relative.target} {relative.source} {_pose(relative.T_target_source)} {_numbers(upper)}"
+def _edges(relative_poses: Sequence[RelativePose]) -> list[str]:
+    """Relative poses with the upper triangles of their information."""
+    if not relative_poses:
+        return []
+    T = np.stack([relative.T_target_source for relative in relative_poses])
+    covariance = tangent_covariance(T, np.stack([relative.covariance for relative in relative_poses]))
+    information = np.linalg.inv(covariance)
+    information = 0.5 * (information + information.swapaxes(1, 2))
+    upper = information[:, _TRANSLATION_FIRST][:, :, _TRANSLATION_FIRST][:, *_UPPER]
+    ends = (f"EDGE_SE3:QUAT {relative.target} {relative.source}" for relative in relative_poses)
+    return [f"{end} {_numbers(row)}" for end, row in zip(ends, np.hstack([_poses(T), upper]), strict=True)]
 
 
-def _pose(T: FloatArray) -> str:
-    """``x y z qx qy qz qw``."""
-    quaternion = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
-    return _numbers([*T[:3, 3], *quaternion])
+def _poses(T: FloatArray) -> FloatArray:
+    """Rows of x, y, z, qx, qy, qz, qw."""
+    return np.hstack([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat(canonical=True)])
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _numbers(values: FloatArray) -> str:
     """Numbers that read back to the same bits; no negative zero."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
+    return " ".join(map(repr, (values + 0.0).tolist()))

@@ -3,14 +3,19 @@
 With ``E = T_world_target T_target_source T_world_source**-1`` a closure tells the planar motion (yaw, x, y) of the
 world that would make dead reckoning right: the identity if it was. Dead reckoning errs by sums of independent steps,
 so two closures share exactly the steps that both of their loops contain.
+
+All this is linear, and holds about the poses at which it is taken: dead reckoning at first, a solution of the graph
+later, for a long dive turns and shifts by more than a linear model bears. About other poses than dead reckoning's the
+odometry disagrees with the poses too, and what its steps explain of a closure is taken off.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from backend.arrays import FloatArray, IntArray
+from backend.arrays import BoolArray, FloatArray, IntArray
 from backend.poses import RelativePose, adjoint, cross_matrix, invert, sandwich
 
 _PLANAR = np.array([2, 3, 4])  # yaw, x, y in a 6-vector
@@ -32,6 +37,12 @@ class Innovations:
         The anchors that the loop joins, the earlier and the later.
     drift : ndarray, shape (S, 3, 3)
         Covariance of dead reckoning from anchor 0 to each anchor.
+    explained : ndarray, shape (C, 3)
+        Yaw, x, y that the odometry of each loop says; zero about dead-reckoned poses.
+    reach : ndarray, shape (C,)
+        Standard deviation of dead reckoning between the two ends, along its worst horizontal direction [m].
+    chance : ndarray, shape (C,)
+        Expected number of false closures as good as each [1].
     """
 
     yaw: FloatArray
@@ -40,18 +51,21 @@ class Innovations:
     first: IntArray
     last: IntArray
     drift: FloatArray
+    explained: FloatArray
+    reach: FloatArray
+    chance: FloatArray
 
     def __len__(self) -> int:
         return len(self.yaw)
 
-    def __getitem__(self, chosen: IntArray) -> "Innovations":
-        yaw, shift, noise = self.yaw[chosen], self.shift[chosen], self.noise[chosen]
-        return Innovations(yaw, shift, noise, self.first[chosen], self.last[chosen], self.drift)
+    def __getitem__(self, chosen: IntArray | BoolArray) -> "Innovations":
+        each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in each})
 
     @property
     def residuals(self) -> FloatArray:
-        """Shape (C, 3): the motions as tangent vectors: yaw, x, y."""
-        return _planar_logarithm(self.yaw, self.shift)
+        """Shape (C, 3): the motions as tangent vectors (yaw, x, y), less what odometry explains."""
+        return _planar_logarithm(self.yaw, self.shift) - self.explained
 
     def shared_drift(self, other: "Innovations") -> FloatArray:
         """Covariance of the dead reckoning in two sets of loops.
@@ -105,42 +119,73 @@ class Innovations:
         own = np.diagonal(drift).transpose(2, 0, 1)
         apart = own[:, None] + own[None, :] - 2.0 * drift
         covariance = self.noise[:, None] + self.noise[None, :] + scale**2 * apart
-        difference = _planar_difference(self.yaw, self.shift)
+        difference = _planar_difference(self.yaw, self.shift) - (self.explained[:, None] - self.explained)
         solved = np.linalg.solve(covariance, difference[..., None])[..., 0]
         return np.asarray(np.einsum("abi,abi->ab", difference, solved))
 
 
 def innovations(
-    T_world_anchor_dr: FloatArray, odometry: Sequence[RelativePose], closures: Sequence[RelativePose]
+    T_world_anchor: FloatArray,
+    odometry: Sequence[RelativePose],
+    closures: Sequence[RelativePose],
+    chance: ArrayLike = 1.0,
 ) -> Innovations:
     """Compare closures with dead reckoning.
 
     Parameters
     ----------
-    T_world_anchor_dr : ndarray, shape (S, 4, 4)
-        Dead-reckoned poses of the anchors.
+    T_world_anchor : ndarray, shape (S, 4, 4)
+        Poses of the anchors to take it about: dead-reckoned ones, or a solution.
     odometry : sequence of RelativePose, length S - 1
         From each anchor to the next, in order.
     closures : sequence of RelativePose, length C
         The loop closures.
+    chance : array_like, shape (C,)
+        Expected number of false closures as good as each [1]; 1 where nobody knows.
 
     Returns
     -------
     innovations : Innovations
         One row a closure.
     """
-    T = T_world_anchor_dr.copy()
+    T = T_world_anchor.copy()
     T[:, :3, 3] -= T[:, :3, 3].mean(axis=0)
-    steps = _world_covariances(T, odometry)
-    drift = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(steps, axis=0)])
-    target, source = (np.array([getattr(c, name) for c in closures], dtype=np.int64) for name in ("target", "source"))
-    measured = np.array([c.T_target_source for c in closures]).reshape(-1, 4, 4)
-    error = T[target] @ measured @ invert(T[source])
+    drift = _cumulated(_world_covariances(T, odometry))
+    walked = _cumulated(_planar_logarithm(*_world_motions(T, odometry)))
+    yaw, shift = _world_motions(T, closures)
+    ends = np.array([[c.target, c.source] for c in closures], dtype=np.int64).reshape(-1, 2)
+    first, last = ends.min(axis=1), ends.max(axis=1)
+    noise, explained = _world_covariances(T, closures), walked[last] - walked[first]
+    reach = _reach(drift[last] - drift[first], T[last, :2, 3])
+    expected = np.broadcast_to(np.asarray(chance, dtype=np.float64), (len(closures),))
+    return Innovations(yaw, shift, noise, first, last, drift, explained, reach, expected)
+
+
+def _cumulated(steps: FloatArray) -> FloatArray:
+    """Sums over the steps up to each anchor."""
+    return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
+
+
+def _world_motions(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> tuple[FloatArray, FloatArray]:
+    """Yaw and shift of the world that would make the poses agree with relative poses, as the later end sees it."""
+    if not relative_poses:
+        return np.zeros(0), np.zeros((0, 2))
+    target, source = np.array([[relative.target, relative.source] for relative in relative_poses]).T
+    measured = np.array([relative.T_target_source for relative in relative_poses])
+    error = T_world_anchor[target] @ measured @ invert(T_world_anchor[source])
     error = np.where((target < source)[:, None, None], error, invert(error))
-    yaw = np.arctan2(error[:, 1, 0] - error[:, 0, 1], error[:, 0, 0] + error[:, 1, 1])
-    noise = _world_covariances(T, closures)
-    first, last = np.minimum(target, source), np.maximum(target, source)
-    return Innovations(yaw, error[:, :2, 3], noise, first, last, drift)
+    return np.arctan2(error[:, 1, 0] - error[:, 0, 1], error[:, 0, 0] + error[:, 1, 1]), error[:, :2, 3]
+
+
+def _reach(drift: FloatArray, position: FloatArray) -> FloatArray:
+    """Standard deviation along the worst horizontal direction of world motions, where they move a position."""
+    at_position = np.concatenate([np.stack([-position[:, 1], position[:, 0]], axis=1)[..., None], _eyes(len(drift))], 2)
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(sandwich(at_position, drift))[:, -1], 0.0))
+
+
+def _eyes(n: int) -> FloatArray:
+    """A stack of 2 x 2 identities."""
+    return np.tile(np.eye(2), (n, 1, 1))
 
 
 def _world_covariances(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> FloatArray:

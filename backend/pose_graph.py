@@ -1,22 +1,22 @@
 """The pose graph: anchors of submaps, held together by odometry and loop closures, solved by GTSAM."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from typing import Literal
 
-import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
-from backend.arrays import FloatArray, IntArray
-from backend.consistency import ConsistencyConfig, consistent_closures, count_votes
-from backend.do_no_harm import DoNoHarmConfig, harmful_closures
-from backend.factors import UnaryKnowledge, between_factor, first_pose_factor, unary_factors
-from backend.g2o import g2o_text
-from backend.innovations import Innovations, innovations
-from backend.optimiser import half_squared_error, marginal_covariances, optimise, truncated_weights
+from backend.arrays import FloatArray
+from backend.beliefs import Chooser, believe_consistent
+from backend.consistency import ConsistencyConfig
+from backend.do_no_harm import DoNoHarmConfig, MapAgreement
+from backend.factors import PositionFix, UnaryKnowledge
+from backend.innovations import Innovations
 from backend.poses import RelativePose, as_poses
-from backend.solution import INLIER_WEIGHT, PoseGraphSolution, Withdrawal
+from backend.problem import Problem
+from backend.solution import PoseGraphSolution
+from backend.solving import Rules, solve_problem
 
 __all__ = ["DisconnectedGraphError", "PoseGraph", "PoseGraphConfig", "PoseGraphSolution"]
 
@@ -26,6 +26,10 @@ class PoseGraphConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    method: Literal["consistent"] = Field(
+        default="consistent",
+        description="How closures are chosen: consistent is the largest set that agrees.",
+    )
     inlier_probability: float = Field(
         default=0.9999,
         gt=0,
@@ -69,7 +73,9 @@ class PoseGraph:
         self._first_pose_sigmas: FloatArray | None = None
         self._odometry: dict[int, RelativePose] = {}
         self._unary: list[UnaryKnowledge] = []
+        self._fixes: list[PositionFix] = []
         self._closures: list[RelativePose] = []
+        self._chance: list[float] = []
 
     @property
     def n_anchors(self) -> int:
@@ -84,9 +90,7 @@ class PoseGraph:
     @property
     def innovations(self) -> Innovations:
         """How the loop closures disagree with dead reckoning."""
-        self._check_connected()
-        odometry = [self._odometry[anchor] for anchor in range(self.n_anchors - 1)]
-        return innovations(self.T_world_anchor_dr, odometry, self._closures)
+        return self.problem().compared(self.T_world_anchor_dr)
 
     def add_first_pose(self, sigmas: ArrayLike) -> None:
         """Hold anchor 0 at its dead-reckoned pose: the gauge of the graph.
@@ -131,7 +135,26 @@ class PoseGraph:
             raise ValueError(f"depth and tilt sigmas must be positive, got {depth_sd} m and {tilt_sd} rad")
         self._unary.append(UnaryKnowledge(anchor, depth_sd, tilt_sd))
 
-    def add_closure(self, target: int, source: int, T_target_source: ArrayLike, sigmas: ArrayLike) -> None:
+    def add_fix(self, anchor: int, east: float, north: float, sigma: float) -> None:
+        """Hold an anchor where a satellite receiver saw it.
+
+        Parameters
+        ----------
+        anchor : int
+            The anchor.
+        east, north : float
+            Position in the world [m].
+        sigma : float
+            Standard deviation of each [m].
+        """
+        self._check_anchor(anchor)
+        if not (np.isfinite([east, north]).all() and 0 < sigma < np.inf):
+            raise ValueError(f"a fix is a finite position with a positive sigma, got {east}, {north} and {sigma} m")
+        self._fixes.append(PositionFix(anchor, float(east), float(north), float(sigma)))
+
+    def add_closure(
+        self, target: int, source: int, T_target_source: ArrayLike, sigmas: ArrayLike, chance: float = 1.0
+    ) -> None:
         """Add a loop closure, to be trusted or not.
 
         Parameters
@@ -142,92 +165,71 @@ class PoseGraph:
             Body pose of the source seen from the body of the target.
         sigmas : array_like, shape (6,)
             Standard deviations along the target's axes [rad, rad, rad, m, m, m].
+        chance : float
+            Expected number of false closures as good as this one in the whole dive [1]; 1 where nobody knows.
         """
+        if not chance >= 0:
+            raise ValueError(f"the chance of a closure is a number that is not negative, got {chance}")
         covariance = np.diag(_check_sigmas(sigmas) ** 2)
         self._closures.append(self._relative_pose(target, source, T_target_source, covariance))
+        self._chance.append(float(chance))
 
-    def solve(self, withdrawn: Mapping[int, str] | None = None) -> PoseGraphSolution:
-        """Find the poses that agree best with odometry, depth, attitude and the trustworthy closures.
+    def problem(self) -> Problem:
+        """Gather what was added, once it hangs together.
+
+        Returns
+        -------
+        problem : Problem
+            The graph.
+
+        Raises
+        ------
+        DisconnectedGraphError
+            If there is no first pose or a step of the odometry is missing.
+        """
+        self._check_connected()
+        assert self._first_pose_sigmas is not None
+        odometry = [self._odometry[anchor] for anchor in range(self.n_anchors - 1)]
+        known = (tuple(self._unary), tuple(self._fixes), tuple(self._closures))
+        return Problem(self.T_world_anchor_dr, self._first_pose_sigmas, odometry, *known, np.array(self._chance))
+
+    def solve(
+        self,
+        withdrawn: Mapping[int, str] | None = None,
+        agreement: MapAgreement | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> PoseGraphSolution:
+        """Find the poses that agree best with odometry, depth, attitude, fixes and the trustworthy closures.
 
         Parameters
         ----------
         withdrawn : mapping of int to str, optional
             Closures to leave out, by their position, and why.
+        agreement : callable, optional
+            How well the maps of two anchors agree at a relative pose of their bodies, in standard deviations above
+            chance; NaN where they do not overlap.
+        rng : numpy.random.Generator, optional
+            Source of what the method draws, if it draws; seed 0 if none is given.
 
         Returns
         -------
         solution : PoseGraphSolution
             Poses, covariances and the verdict on each closure. Where no closure holds, the poses are the dead-reckoned
-            ones, bit for bit.
+            ones, bit for bit, unless there are fixes.
         """
-        withdrawn, compared = dict(withdrawn or {}), self.innovations
-        while True:
-            solution = self._solve_with(compared, withdrawn)
-            harmful = harmful_closures(solution, self._closures, compared, self.do_no_harm)
-            if not harmful:
-                return solution
-            withdrawn |= harmful
-
-    def _solve_with(self, compared: Innovations, withdrawn: Mapping[int, str]) -> PoseGraphSolution:
-        """Solve with the closures that are not withdrawn."""
-        offered = np.setdiff1d(np.arange(len(self._closures)), list(withdrawn)).astype(np.int64)
-        # which closures agree, and how far dead reckoning must be stretched for it
-        consistent = consistent_closures(compared[offered], self.consistency)
-        agreeing = offered[consistent.is_member]
-        # which of them the whole graph bears out
-        known = self._known_factors(consistent.odometry_scale)
-        weights = np.zeros(len(self._closures))
-        doubtful = [between_factor(self._closures[closure]) for closure in agreeing]
-        probability = self.config.inlier_probability
-        weights[agreeing] = truncated_weights(known, doubtful, self.T_world_anchor_dr, probability)
-        # least squares over what holds, if enough does
-        holding = agreeing[weights[agreeing] > INLIER_WEIGHT]
-        if count_votes(compared[holding], self.consistency) < self.consistency.min_votes:
-            agreeing = holding = holding[:0]
-            weights[:] = 0.0
-        solution = self._least_squares(holding, consistent.odometry_scale)
-        return replace(solution, closure_weights=weights, reasons=self._reasons(agreeing, holding, withdrawn))
-
-    def _least_squares(self, holding: IntArray, scale: float) -> PoseGraphSolution:
-        """Solve with the closures that hold; without any, nothing moves."""
-        closures = [self._closures[closure] for closure in holding]
-        scale = scale if closures else 1.0
-        factors = [*self._known_factors(scale), *(between_factor(closure) for closure in closures)]
-        T_dr = self.T_world_anchor_dr
-        T = optimise(factors, T_dr) if closures else T_dr.copy()
-        return PoseGraphSolution(
-            T_world_anchor=T,
-            covariances=marginal_covariances(factors, T),
-            closure_weights=np.zeros(len(self._closures)),
-            reasons=("",) * len(self._closures),
-            odometry_scale=scale,
-            error_before=half_squared_error(factors, T_dr),
-            error_after=half_squared_error(factors, T),
-            g2o=g2o_text(T, [*(self._stretched(scale)), *closures]),
+        rules = Rules(
+            self._chooser(),
+            self.config.inlier_probability,
+            self.consistency,
+            self.do_no_harm,
+            agreement,
+            rng or np.random.default_rng(0),
         )
+        return solve_problem(self.problem(), rules, withdrawn or {})
 
-    def _reasons(self, agreeing: IntArray, holding: IntArray, withdrawn: Mapping[int, str]) -> tuple[str, ...]:
-        """Why each closure does not hold the graph."""
-        other = Withdrawal.INCONSISTENT if agreeing.size else Withdrawal.ALONE
-        reasons = [str(other)] * len(self._closures)
-        for closure in agreeing:
-            reasons[closure] = str(Withdrawal.OUTLIER)
-        for closure in holding:
-            reasons[closure] = ""
-        return tuple(withdrawn.get(closure, reason) for closure, reason in enumerate(reasons))
-
-    def _stretched(self, scale: float) -> list[RelativePose]:
-        """The odometry with larger standard deviations."""
-        odometry = (self._odometry[anchor] for anchor in range(self.n_anchors - 1))
-        return [replace(step, covariance=scale**2 * step.covariance) for step in odometry]
-
-    def _known_factors(self, scale: float) -> list[gtsam.NonlinearFactor]:
-        """All factors but the closures."""
-        T = self.T_world_anchor_dr
-        unary = [factor for known in self._unary for factor in unary_factors(T[known.anchor], known)]
-        odometry = [between_factor(step) for step in self._stretched(scale)]
-        assert self._first_pose_sigmas is not None
-        return [first_pose_factor(T[0], self._first_pose_sigmas), *odometry, *unary]
+    def _chooser(self) -> Chooser:
+        """The way to choose closures."""
+        return believe_consistent
 
     def _relative_pose(self, target: int, source: int, T: ArrayLike, covariance: ArrayLike) -> RelativePose:
         """Check a measurement between two anchors."""

@@ -19,6 +19,7 @@ class Withdrawal(StrEnum):
     INCONSISTENT = "it disagrees with the closures that agree"
     OUTLIER = "it does not fit the pose graph"
     RESIDUAL = "its residual is too large against its covariance"
+    MAPS_DISAGREE = "the maps disagree where the graph lays them"
     BEYOND_DRIFT = "the correction is larger than dead reckoning can be wrong"
 
 

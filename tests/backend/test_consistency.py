@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures
-from backend.innovations import Innovations
+from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures, reconsidered
+from backend.innovations import Innovations, innovations
 
 
 def test_all_true_closures_agree(make_survey):
@@ -63,12 +63,65 @@ def test_a_single_closure_is_believed_only_if_asked_for_and_near_dead_reckoning(
     assert not consistent_closures(survey.compared(far), one_is_enough).is_member.any()
 
 
+def lone(survey, closure, chance):
+    return innovations(survey.dr_anchors, survey.odometry(), [closure], [chance])
+
+
+def test_a_single_closure_is_believed_where_it_is_sure_and_dead_reckoning_tight(make_survey):
+    survey, rng = make_survey(0, drift_factor=0.5), np.random.default_rng(0)
+    near, far = survey.closure(44, 50, rng), survey.closure(4, 57, rng)
+    assert lone(survey, near, 0.0).reach < 5.0 < lone(survey, far, 0.0).reach
+    assert consistent_closures(lone(survey, near, 1e-9)).is_member.all()
+    assert not consistent_closures(lone(survey, near, 1e-3)).is_member.any()
+    assert not consistent_closures(lone(survey, far, 1e-9)).is_member.any()
+    never = ConsistencyConfig(max_lone_chance=0.0)
+    assert not consistent_closures(lone(survey, near, 1e-9), never).is_member.any()
+
+
+def test_a_sure_closure_outside_the_gate_is_not_believed(make_survey):
+    survey, rng = make_survey(0, drift_factor=0.5), np.random.default_rng(0)
+    false = survey.false_closure(44, 50, np.array([12.0, 12.0, 0.0]), rng)
+    assert not consistent_closures(lone(survey, false, 1e-9)).is_member.any()
+
+
+def test_sure_closures_that_contradict_each_other_are_not_believed():
+    # dead reckoning is good to 2 m, each closure to 0.1 m, and they lie 2 m apart
+    def two(chance):
+        drift = np.arange(5)[:, None, None] * np.diag([1e-6, 1.0, 1.0])
+        shift, noise = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.tile(np.diag([1e-6, 0.01, 0.01]), (2, 1, 1))
+        ends = (np.array([0, 0]), np.array([4, 4]))
+        return Innovations(np.zeros(2), shift, noise, *ends, drift, np.zeros((2, 3)), np.full(2, 2.0), np.array(chance))
+
+    assert not consistent_closures(two([1e-9, 1e-9])).is_member.any()
+    assert consistent_closures(two([1e-9, 1.0])).is_member.tolist() == [True, False]
+    assert consistent_closures(two([1.0, 1e-9])).is_member.tolist() == [False, True]
+
+
+def test_about_a_solution_all_true_closures_agree_though_dead_reckoning_is_far_off(make_survey):
+    survey, rng = make_survey(3, drift_factor=3.0), np.random.default_rng(3)
+    true = survey.true_closures(rng)
+    believed = consistent_closures(survey.compared(true))
+    about = innovations(survey.true_anchors, survey.odometry(), true)
+    again = reconsidered(about, believed, ConsistencyConfig())
+    assert again.is_member.sum() >= believed.is_member.sum()
+    assert again.is_member.all()
+
+
 def test_places_that_agree_on_more_drift_than_any_scale_allows_are_not_believed():
     # 1 m**2 a step, 36 steps a loop and 32 of them shared: an offset of 18 m is three standard deviations, of 150 m 25
     for offset, is_believed in ((18.0, True), (150.0, False)):
         shift, ends = np.array([[offset, 0.0], [offset + 0.5, 0.0]]), np.array([[0, 4], [36, 40]])
         drift = np.arange(41)[:, None, None] * np.diag([1e-6, 1.0, 1.0])
-        compared = Innovations(np.zeros(2), shift, np.tile(np.diag([1e-6, 0.01, 0.01]), (2, 1, 1)), *ends, drift)
+        compared = Innovations(
+            np.zeros(2),
+            shift,
+            np.tile(np.diag([1e-6, 0.01, 0.01]), (2, 1, 1)),
+            *ends,
+            drift,
+            np.zeros((2, 3)),
+            np.zeros(2),
+            np.ones(2),
+        )
         assert consistent_closures(compared).is_member.all() == is_believed
 
 

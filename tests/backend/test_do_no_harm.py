@@ -6,7 +6,8 @@ import pytest
 from backend.consistency import ConsistencyConfig
 from backend.do_no_harm import DoNoHarmConfig, harmful_closures, residual_distances
 from backend.factors import between_factor, pose_values
-from backend.poses import RelativePose
+from backend.poses import RelativePose, invert
+from backend.problem import Estimate
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,16 @@ def solved(make_survey):
     return survey, closures, solution
 
 
+def harm(survey, closures, solution, holding=None, agreement=None, config=None):
+    """What is found harmful where these closures hold the solution."""
+    holding = np.arange(len(closures)) if holding is None else holding
+    estimate = Estimate(solution.T_world_anchor, holding, solution.odometry_scale)
+    return harmful_closures(estimate, survey.graph(closures).problem(), agreement, config)
+
+
 def test_nothing_is_withdrawn_where_all_fits(solved):
     survey, closures, solution = solved
-    assert harmful_closures(solution, closures, survey.compared(closures)) == {}
+    assert harm(survey, closures, solution) == {}
 
 
 def test_the_closure_with_the_worst_residual_is_withdrawn(solved):
@@ -29,7 +37,7 @@ def test_the_closure_with_the_worst_residual_is_withdrawn(solved):
     lying = replace(closures[3], T_target_source=closures[3].T_target_source.copy())
     lying.T_target_source[0, 3] += 5.0
     closures = [*closures[:3], lying, *closures[4:]]
-    reasons = harmful_closures(solution, closures, survey.compared(closures))
+    reasons = harm(survey, closures, solution)
     assert reasons == {3: "its residual is too large against its covariance"}
 
 
@@ -38,16 +46,15 @@ def test_closures_that_do_not_hold_the_graph_are_not_looked_at(solved):
     lying = replace(closures[3], T_target_source=closures[3].T_target_source.copy())
     lying.T_target_source[0, 3] += 5.0
     closures = [*closures[:3], lying, *closures[4:]]
-    weights = solution.closure_weights.copy()
-    weights[3] = 0.0
-    assert harmful_closures(replace(solution, closure_weights=weights), closures, survey.compared(closures)) == {}
-    assert harmful_closures(replace(solution, closure_weights=0.0 * weights), closures, survey.compared(closures)) == {}
+    others = np.delete(np.arange(len(closures)), 3)
+    assert harm(survey, closures, solution, others) == {}
+    assert harm(survey, closures, solution, others[:0]) == {}
 
 
 def test_all_are_withdrawn_where_they_correct_more_than_dead_reckoning_can_be_wrong(solved):
     survey, closures, solution = solved
     strict = DoNoHarmConfig(max_correction=0.1)
-    reasons = harmful_closures(solution, closures, survey.compared(closures), strict)
+    reasons = harm(survey, closures, solution, config=strict)
     assert set(reasons) == set(range(len(closures)))
     assert set(reasons.values()) == {"the correction is larger than dead reckoning can be wrong"}
 
@@ -98,3 +105,32 @@ def test_votes_that_the_graph_takes_away_leave_the_rest_unbelieved(make_survey):
     solution = survey.graph(wrong_in_depth, consistency=ConsistencyConfig(min_votes=8)).solve()
     assert not solution.is_inlier.any()
     assert solution.T_world_anchor.tobytes() == survey.dr_anchors.tobytes()
+
+
+def test_closures_whose_maps_disagree_are_withdrawn_the_worst_of_them(solved):
+    survey, closures, solution = solved
+
+    def agreement(target, source, _):
+        return -1.0 if (target, source) == (closures[5].target, closures[5].source) else 8.0
+
+    assert harm(survey, closures, solution, agreement=agreement) == {5: "the maps disagree where the graph lays them"}
+    among = survey.graph(closures).solve(agreement=agreement)
+    assert among.reasons[5] == "the maps disagree where the graph lays them"
+    assert among.is_inlier.sum() == len(closures) - 1
+
+
+def test_maps_that_agreed_better_where_dead_reckoning_laid_them_speak_against_a_closure(solved):
+    survey, closures, _ = solved
+    relative = [invert(survey.dr_anchors[c.target]) @ survey.dr_anchors[c.source] for c in closures]
+
+    def agreement(_, __, T_target_source):
+        return 9.0 if any(np.array_equal(T_target_source, T) for T in relative) else 6.0
+
+    solution = survey.graph(closures).solve(agreement=agreement)
+    assert not solution.is_inlier.any()
+    assert solution.T_world_anchor.tobytes() == survey.dr_anchors.tobytes()
+
+
+def test_maps_that_do_not_overlap_say_nothing(solved):
+    survey, closures, solution = solved
+    assert harm(survey, closures, solution, agreement=lambda *_: float("nan")) == {}

@@ -247,6 +247,29 @@ def test_turning_the_world_turns_the_solution(make_survey, yaw, shift):
     np.testing.assert_allclose(there.T_world_anchor, G @ here.T_world_anchor, rtol=0, atol=1e-3)
 
 
+def test_a_fix_draws_its_anchor_by_the_variances_and_leaves_its_height():
+    sigmas = np.array([1e-6, 1e-6, 1e-6, 0.3, 0.3, 0.3])
+    graph = chain(np.stack([pose(), pose(x=5.0, z=-2.0)]), sigmas)
+    graph.add_fix(1, 6.0, -0.5, 0.3)
+    solution = graph.solve()
+    # the first pose is held to 1 mm and turns by 1 mrad, which hardly count beside 0.3 m
+    np.testing.assert_allclose(solution.T_world_anchor[1][:3, 3], [5.5, -0.25, -2.0], atol=1e-3)
+    np.testing.assert_allclose(solution.sigmas[1, :2], 0.3 / np.sqrt(2.0), rtol=1e-3)
+
+
+def test_closures_and_fixes_are_solved_together(make_survey):
+    survey, rng = make_survey(1), np.random.default_rng(1)
+    closures = survey.true_closures(rng)
+    graph = survey.graph(closures, first_pose=(0.005, 0.005, 0.1, 1.0, 1.0, 0.1))
+    ends = [0, len(survey.dr_anchors) - 1]
+    for anchor in ends:
+        graph.add_fix(anchor, *survey.true_anchors[anchor][:2, 3], 0.1)
+    solution = graph.solve()
+    assert solution.is_inlier.all()
+    errors = solution.T_world_anchor[ends, :2, 3] - survey.true_anchors[ends, :2, 3]
+    assert np.abs(errors).max() < 0.4  # four sigmas of the fixes, which are exact here
+
+
 def test_one_anchor_alone_is_a_graph():
     graph = PoseGraph(pose(1.0, 2.0, 3.0)[None])
     graph.add_first_pose(FIRST_POSE)
@@ -289,6 +312,10 @@ def test_a_graph_without_a_first_pose_hangs_in_the_air():
         (lambda g: g.add_closure(0, 2, pose(), [1, 1, 1, 1, 0, 1]), "sigmas must be six positive numbers"),
         (lambda g: g.add_first_pose([1, 1, 1, 1, np.nan, 1]), "sigmas must be six positive numbers"),
         (lambda g: g.add_depth_and_tilt(0, 0.0, 1.0), r"must be positive, got 0\.0 m and 1\.0 rad"),
+        (lambda g: g.add_closure(0, 2, pose(), ONE, np.nan), "chance of a closure is a number that is not negative"),
+        (lambda g: g.add_fix(3, 0.0, 0.0, 1.0), r"anchors are numbered 0\.\.2, got 3"),
+        (lambda g: g.add_fix(0, np.nan, 0.0, 1.0), "a fix is a finite position with a positive sigma, got nan, 0.0"),
+        (lambda g: g.add_fix(0, 0.0, 0.0, 0.0), "a fix is a finite position with a positive sigma, got 0.0, 0.0"),
         (lambda g: g.add_depth_and_tilt(7, 1.0, 1.0), r"anchors are numbered 0\.\.2, got 7"),
     ],
 )

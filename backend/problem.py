@@ -1,0 +1,154 @@
+"""The problem that a pose graph poses: anchors, what joins them, and what is known of each by itself."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+
+from backend.arrays import FloatArray, IntArray
+from backend.factors import PositionFix, UnaryKnowledge, between_factors, first_pose_factor, fix_factor, unary_factors
+from backend.innovations import Innovations, innovations
+from backend.poses import RelativePose
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A graph of anchors, checked and complete.
+
+    Parameters
+    ----------
+    T_world_anchor_dr : ndarray, shape (S, 4, 4)
+        Dead-reckoned body poses of the anchors.
+    first_pose_sigmas : ndarray, shape (6,)
+        Of anchor 0 along the world's axes [rad, rad, rad, m, m, m].
+    odometry : sequence of RelativePose, length S - 1
+        From each anchor to the next, in order.
+    unary : sequence of UnaryKnowledge
+        Measured depths and tilts.
+    fixes : sequence of PositionFix
+        Positions that a satellite receiver gave.
+    closures : sequence of RelativePose, length C
+        Loop closures, to be trusted or not.
+    chance : ndarray, shape (C,)
+        Expected number of false closures as good as each [1].
+    """
+
+    T_world_anchor_dr: FloatArray
+    first_pose_sigmas: FloatArray
+    odometry: Sequence[RelativePose]
+    unary: Sequence[UnaryKnowledge]
+    fixes: Sequence[PositionFix]
+    closures: Sequence[RelativePose]
+    chance: FloatArray
+
+    def known_factors(self, scale: float) -> list[gtsam.NonlinearFactor]:
+        """Make all factors but those of the closures.
+
+        Parameters
+        ----------
+        scale : float
+            Standard deviations of the odometry are taken this much larger.
+
+        Returns
+        -------
+        factors : list of gtsam.NonlinearFactor
+            First pose, odometry, depth and tilt, fixes.
+        """
+        T = self.T_world_anchor_dr
+        unary = [factor for known in self.unary for factor in unary_factors(T[known.anchor], known)]
+        fixes = [fix_factor(fix) for fix in self.fixes]
+        return [
+            first_pose_factor(T[0], self.first_pose_sigmas),
+            *between_factors(self.stretched(scale)),
+            *unary,
+            *fixes,
+        ]
+
+    def stretched(self, scale: float) -> list[RelativePose]:
+        """Odometry with larger standard deviations.
+
+        Parameters
+        ----------
+        scale : float
+            By this factor.
+
+        Returns
+        -------
+        odometry : list of RelativePose, length S - 1
+            The same steps.
+        """
+        return [replace(step, covariance=scale**2 * step.covariance) for step in self.odometry]
+
+    def compared(self, T_world_anchor: FloatArray) -> Innovations:
+        """Compare the closures with dead reckoning.
+
+        Parameters
+        ----------
+        T_world_anchor : ndarray, shape (S, 4, 4)
+            Poses to take it about.
+
+        Returns
+        -------
+        innovations : Innovations
+            One row a closure.
+        """
+        return innovations(T_world_anchor, self.odometry, self.closures, self.chance)
+
+    def chosen(self, closures: IntArray) -> list[RelativePose]:
+        """Pick closures.
+
+        Parameters
+        ----------
+        closures : ndarray of int, shape (K,)
+            Their positions.
+
+        Returns
+        -------
+        chosen : list of RelativePose, length K
+            In that order.
+        """
+        return [self.closures[int(closure)] for closure in closures]
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Which closures are believed, before the graph has borne them out.
+
+    Parameters
+    ----------
+    believed : ndarray of int, shape (K,)
+        Positions of the closures, ascending.
+    odometry_scale : float
+        How much worse than modelled dead reckoning is, by their account.
+    T_world_anchor : ndarray, shape (S, 4, 4)
+        Poses near the solution.
+    """
+
+    believed: IntArray
+    odometry_scale: float
+    T_world_anchor: FloatArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A solution on the way: poses and the closures that hold them.
+
+    Parameters
+    ----------
+    T_world_anchor : ndarray, shape (S, 4, 4)
+        Body poses of the anchors.
+    holding : ndarray of int, shape (K,)
+        Positions of the closures.
+    odometry_scale : float
+        How much larger than said the odometry's standard deviations were taken.
+    """
+
+    T_world_anchor: FloatArray
+    holding: IntArray
+    odometry_scale: float
+
+    @property
+    def n_holding(self) -> int:
+        """Number of closures that hold."""
+        return int(np.size(self.holding))

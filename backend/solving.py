@@ -1,0 +1,117 @@
+"""Solving a graph: choose closures, see which of them the graph bears out, withdraw what does harm."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from backend.arrays import FloatArray, IntArray
+from backend.beliefs import Chooser, Offer, start_poses
+from backend.consistency import ConsistencyConfig, is_enough
+from backend.do_no_harm import DoNoHarmConfig, MapAgreement, harmful_closures
+from backend.factors import between_factors
+from backend.g2o import g2o_text
+from backend.optimiser import half_squared_error, marginal_covariances, optimise, truncated_weights
+from backend.problem import Belief, Estimate, Problem
+from backend.solution import INLIER_WEIGHT, PoseGraphSolution, Withdrawal
+
+
+@dataclass(frozen=True)
+class Rules:
+    """By what closures are chosen, kept and withdrawn.
+
+    Parameters
+    ----------
+    choose : Chooser
+        The way to choose.
+    inlier_probability : float
+        Share of true closures whose residual stays below the truncation.
+    consistency : ConsistencyConfig
+        Which sets are believed.
+    do_no_harm : DoNoHarmConfig
+        When a closure is withdrawn although the optimiser kept it.
+    agreement : callable or None
+        How well the maps of two anchors agree at a relative pose.
+    rng : numpy.random.Generator
+        Source of whatever is drawn.
+    """
+
+    choose: Chooser
+    inlier_probability: float
+    consistency: ConsistencyConfig
+    do_no_harm: DoNoHarmConfig
+    agreement: MapAgreement | None
+    rng: np.random.Generator
+
+
+def solve_problem(problem: Problem, rules: Rules, withdrawn: Mapping[int, str]) -> PoseGraphSolution:
+    """Find the poses that agree best with all that can be trusted.
+
+    Parameters
+    ----------
+    problem : Problem
+        The graph.
+    rules : Rules
+        What can be trusted.
+    withdrawn : mapping of int to str
+        Closures to leave out, by their position, and why.
+
+    Returns
+    -------
+    solution : PoseGraphSolution
+        Poses, covariances and the verdict on each closure.
+    """
+    withdrawn = dict(withdrawn)
+    offered = np.setdiff1d(np.arange(len(problem.closures)), list(withdrawn)).astype(np.int64)
+    # which closures agree, and how far dead reckoning must be stretched for it
+    belief = rules.choose(Offer(problem, offered, rules.consistency, rules.rng))
+    known = problem.known_factors(belief.odometry_scale)
+    believed, T = belief.believed, belief.T_world_anchor
+    while True:
+        # which of them the whole graph bears out, if they are enough
+        weights, T = truncated_weights(known, problem.chosen(believed), T, rules.inlier_probability)
+        holding = believed[weights > INLIER_WEIGHT]
+        if not holding.size or not is_enough(problem.compared(T)[holding], rules.consistency):
+            return _solution(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
+        # least squares over what holds, and whether it does harm
+        T = optimise([*known, *between_factors(problem.chosen(holding))], T)
+        estimate = Estimate(T, holding, belief.odometry_scale)
+        harmful = harmful_closures(estimate, problem, rules.agreement, rules.do_no_harm)
+        if not harmful:
+            return _solution(problem, estimate, _reasons(problem, belief, holding, withdrawn))
+        withdrawn |= harmful
+        believed = np.setdiff1d(believed, list(harmful))
+
+
+def _without_closures(problem: Problem) -> Estimate:
+    """What is left where no closure is believed: dead reckoning as it came, or drawn to the fixes."""
+    return Estimate(start_poses(problem).copy(), np.zeros(0, dtype=np.int64), 1.0)
+
+
+def _solution(problem: Problem, estimate: Estimate, reasons: tuple[str, ...]) -> PoseGraphSolution:
+    """The estimate with its covariances and all that is reported."""
+    closures, T, scale = problem.chosen(estimate.holding), estimate.T_world_anchor, estimate.odometry_scale
+    factors = [*problem.known_factors(scale), *between_factors(closures)]
+    weights: FloatArray = np.zeros(len(problem.closures))
+    weights[estimate.holding] = 1.0
+    return PoseGraphSolution(
+        T_world_anchor=T,
+        covariances=marginal_covariances(factors, T),
+        closure_weights=weights,
+        reasons=reasons,
+        odometry_scale=scale,
+        error_before=half_squared_error(factors, problem.T_world_anchor_dr),
+        error_after=half_squared_error(factors, T),
+        g2o=g2o_text(T, [*problem.stretched(scale), *closures]),
+    )
+
+
+def _reasons(problem: Problem, belief: Belief, holding: IntArray, withdrawn: Mapping[int, str]) -> tuple[str, ...]:
+    """Why each closure does not hold the graph."""
+    other = Withdrawal.INCONSISTENT if belief.believed.size else Withdrawal.ALONE
+    reasons = [str(other)] * len(problem.closures)
+    for closure in belief.believed:
+        reasons[closure] = str(Withdrawal.OUTLIER)
+    for closure in holding:
+        reasons[closure] = ""
+    return tuple(withdrawn.get(closure, reason) for closure, reason in enumerate(reasons))
