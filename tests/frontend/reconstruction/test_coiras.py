@@ -162,6 +162,14 @@ def test_time_that_is_up_leaves_the_result_as_it_stands() -> None:
     np.testing.assert_array_equal(shape_from_image(image, lit(mound.shape), rushed).estimate.height, 0.0)
 
 
+def test_an_iteration_moves_no_height_farther_than_it_may() -> None:
+    image, mound = bright_bump()
+    once = DescentConfig(n_iterations=1, largest_step=0.02)
+    cost = ImageCost(replace(image, level=3 * image.level), lit(mound.shape), once)
+    moved = np.abs(descend(cost, cost.start, never)[0].height - cost.start.height).max()
+    assert 0 < moved <= 0.02 + 1e-12  # of pixels of 1 m
+
+
 def test_a_deadline_passes() -> None:
     assert stop_watch(1e-9)()
     assert not stop_watch(1e6)()
@@ -287,7 +295,7 @@ def test_a_vehicle_that_crabs_sees_beside_its_course(flat: Recording, crab: floa
 
 
 def test_heave_does_not_bend_the_floor() -> None:
-    altitude = 12.0 + 0.5 * np.sin(0.1 * np.arange(120))
+    altitude = 12.0 + 0.5 * np.sin(0.04 * np.arange(120))
     floor = FlatFloor(altitude, strength=1e8)
     recording = floor.record(np.random.default_rng(3), Quantity.INTENSITY)
     recording = replace(recording, trajectory_dr=replace(recording.trajectory_dr, z=altitude - 42.0), altitude=altitude)
@@ -295,8 +303,8 @@ def test_heave_does_not_bend_the_floor() -> None:
     radiometry = estimate_radiometry(recording, bottom, RadiometryConfig())
     submap = reconstruct(recording, whole(recording), bottom, radiometry, CONFIG)
     world = submap.points[:, 2] + submap.T_world_submap_dr[2, 3]
-    assert abs(world.mean() + 42.0) < 0.15
-    assert world.std() < 0.2  # heave of 0.35 m rms would show
+    assert abs(world.mean() + 42.0) < 0.1
+    assert world.std() < 0.15  # as of a flat floor seen without heave; its 0.4 m rms would show
 
 
 def test_sigma_is_positive_and_grows_away_from_the_track(flat: Recording) -> None:
