@@ -16,7 +16,7 @@ from sssslam.readers.xtf_navigation import METRES_PER_DEGREE, RawNavigation, goo
 from sssslam.readers.xtf_packets import map_file
 from sssslam.readers.xtf_trajectory import make_trajectory
 
-_MAX_SLANT_RANGE = 50e3
+_MIN_SLANT_RANGE, _MAX_SLANT_RANGE = 1e-3, 50e3
 # Positions this far from the middle of a dive [m] are damage, and so are parallels of this share of the equator.
 _MAX_REACH, _MIN_PARALLEL = 500e3, 1e-3
 
@@ -153,10 +153,12 @@ def _good_pings(pings: Pings) -> BoolArray:
     if not len(pings.stamp):
         raise ValueError("the file holds no whole ping with samples on both sides; at least one is wanted")
     extent = pings.sample_spacing * pings.port.shape[1]
-    if not np.any((extent > 0) & (extent < _MAX_SLANT_RANGE)):
-        raise ValueError(f"no ping has a slant range that can be, the first has {extent[0]:g} m; up to 50 km is wanted")
-    is_good = good_pings(pings.navigation, pings.is_geographic) & (extent > 0) & (extent < _MAX_SLANT_RANGE)
-    is_good &= _are_together(pings)
+    has_extent = (extent > _MIN_SLANT_RANGE) & (extent < _MAX_SLANT_RANGE)
+    if not has_extent.any():
+        raise ValueError(
+            f"no ping has a slant range that can be, the first has {extent[0]:g} m; 1 mm to 50 km is wanted"
+        )
+    is_good = good_pings(pings.navigation, pings.is_geographic) & has_extent & _are_together(pings)
     if not is_good.any():
         raise ValueError(
             f"none of {len(is_good)} pings has a position (all are missing, zero or impossible); navigation is wanted"

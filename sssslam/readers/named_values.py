@@ -27,7 +27,7 @@ NUMBERS = ("frequency", "horizontal_beamwidth", "vertical_beamwidth", "mounting_
 ARMS = ("lever_arm_port", "lever_arm_starboard")
 ORIGIN = ("origin_latitude", "origin_longitude")
 QUANTITY = "quantity"
-_SOUND_SPEED = 1500.0
+_SOUND_SPEED, _SOUND_SPEED_BOUNDS = 1500.0, (100.0, 10e3)
 # Nothing of a dive is larger, the seconds since 1970 included: beyond it is damage.
 _MAX_NUMBER = 1e11
 # Degrees up to these are positions; in a frame whose origin is further out, no track could be.
@@ -141,8 +141,9 @@ def _sample_spacing(series: Mapping[str, FloatArray], n_samples: int) -> FloatAr
 
 
 def _sound_speed(recorded: FloatArray) -> tuple[FloatArray, list[str]]:
-    is_known = (recorded > 0) & np.isfinite(recorded)
-    note = f"sound speed is missing in {(~is_known).sum()} of {len(recorded)} pings: {_SOUND_SPEED:g} m/s is assumed"
+    is_known = (recorded > _SOUND_SPEED_BOUNDS[0]) & (recorded < _SOUND_SPEED_BOUNDS[1])
+    n = int((~is_known).sum())
+    note = f"sound speed is missing or impossible in {n} of {len(recorded)} pings: {_SOUND_SPEED:g} m/s is assumed"
     return np.where(is_known, recorded, _SOUND_SPEED), [] if is_known.all() else [note]
 
 

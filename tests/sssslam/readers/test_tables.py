@@ -105,8 +105,15 @@ def test_what_is_left_out_is_assumed_and_said(write, written):
     assert np.isnan(recording.altitude).all()
     assert recording.georeference is None
     assert recording.sonar.quantity == Quantity.UNKNOWN
-    words = ("sound speed is missing in 5 of 5", "roll is not recorded", "heading is not recorded")
+    words = ("sound speed is missing or impossible in 5 of 5", "roll is not recorded", "heading is not recorded")
     assert all(any(word in note for note in recording.notes) for word in words)
+
+
+@FORMATS
+def test_a_sound_speed_that_cannot_be_is_assumed_and_said(write, written):
+    recording = read(write(written(but(sound_speed=1e-310 + 0 * K))))
+    np.testing.assert_array_equal(recording.sound_speed, 1500.0)
+    assert any("missing or impossible in 5 of 5" in note for note in recording.notes)
 
 
 @FORMATS
