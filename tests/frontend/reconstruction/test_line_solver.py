@@ -13,6 +13,7 @@ from frontend.reconstruction.line_solver import (
     LineProblem,
     LineSolverConfig,
     Preconditioner,
+    _backtrack,
     draw_lines,
     minimise_lines,
     solve_lines,
@@ -64,6 +65,20 @@ def test_the_cost_falls_with_every_step_to_a_minimum() -> None:
     start = problem.gradient(np.zeros(truth.size), problem.model.linearise(np.zeros(truth.size)))
     end = problem.gradient(solution.x, solution.linear)
     assert np.linalg.norm(end) < 1e-3 * np.linalg.norm(start)
+
+
+def test_a_step_uphill_is_refused_and_one_too_long_is_shortened() -> None:
+    _, problem, truth = make_problem()
+    x = np.zeros(truth.size)
+    linear = problem.model.linearise(x)
+    cost, downhill = problem.cost(x, linear), -problem.gradient(x, linear)
+    assert _backtrack(problem, x, -1e-6 * downhill, cost) is None
+    # along the gradient the cost is a parabola, to second order: twice the way to its bottom it is back where it began
+    bottom = float(downhill @ downhill) / float(downhill @ problem.multiply(downhill, linear))
+    found = _backtrack(problem, x, 3.5 * bottom * downhill, cost)
+    assert found is not None
+    assert found[2] < cost
+    np.testing.assert_allclose(found[0], 0.4 * 3.5 * bottom * downhill)
 
 
 def test_no_step_raises_a_cell_by_more_than_it_may() -> None:
