@@ -13,8 +13,8 @@ N_RANGES = 40  # cells of range over which equal angles are compared
 # Standard deviations of what is expected: a mean of many echoes (texture, slopes), second and first differences of the
 # beam pattern from knot to knot, power of range about spreading over a floor, absorption left over [1/m], what a
 # recorder's gain adds to that, and its second differences from cell to cell. Logarithms of intensity.
-_CELL, _BEND, _SLOPE = 0.1, 0.25, 1.0
-_SPREADING, _POWER, _ABSORPTION, _GAIN, _GAIN_BEND = 3.0, 1.0, 0.03, 0.3, 0.05
+_CELL, _BEND, _SLOPE = 0.1, 0.25, 10.0
+_SPREADING, _POWER, _ABSORPTION, _GAIN, _GAIN_BEND = 3.0, 0.5, 0.03, 0.3, 0.05
 _OUTLIER, _N_ROUNDS = 0.3, 4
 
 
@@ -113,13 +113,15 @@ def fit_beam_and_range(excess: Excess, first: float, step: float, n_knots: int) 
     """
     reach = float(excess.slant_range.max())
     centre = (np.arange(N_RANGES) + 0.5) * reach / N_RANGES
-    sums, counts = _histogram(excess, reach, (first, step, n_knots))
-    known = (counts > 0) & (sums > 0)
-    side, knot, cell = np.nonzero(known)
-    value = np.log(sums[known] / counts[known])
-    design = _design(side * n_knots + knot, cell, centre, 2 * n_knots)
+    cells = _histogram(excess, reach, (first, step, n_knots))
+    known = (cells[1] > 0) & (cells[0] > 0)
+    sums, counts, *totals = (values[known] for values in cells)
+    offset, log_range, mean_range = (total / counts for total in totals)
+    side, segment, column = np.nonzero(known)
+    value = np.log(sums / counts)
+    design = _design((side * n_knots + segment, offset), (log_range, mean_range, column), 2 * n_knots)
     precision, expected = _prior(n_knots)
-    weight = 1.0 / (_CELL**2 + 1.0 / counts[known])
+    weight = 1.0 / (_CELL**2 + 1.0 / counts)
     x = _solve(design, value, weight, precision, expected)
     for _ in range(_N_ROUNDS):
         rest = np.abs(value - design @ x)
@@ -128,27 +130,32 @@ def fit_beam_and_range(excess: Excess, first: float, step: float, n_knots: int) 
     return x[: 2 * n_knots].reshape(2, n_knots), law
 
 
-def _histogram(excess: Excess, reach: float, knots: tuple[float, float, int]) -> tuple[FloatArray, FloatArray]:
-    """Shape (2, K, N_RANGES): sums and counts over side, angle knot and range."""
-    shape = (knots[2], N_RANGES)
+def _histogram(excess: Excess, reach: float, knots: tuple[float, float, int]) -> FloatArray:
+    """Shape (5, 2, K, N_RANGES): sums of level, one, offset from the knot before, logarithm of range, and range."""
+    first, step, n = knots
     column = np.minimum((excess.slant_range * (N_RANGES / reach)).astype(np.int64), N_RANGES - 1)
-    sums, counts = np.zeros((2, *shape)), np.zeros((2, *shape))
+    result = np.zeros((5, 2, n * N_RANGES))
+    log_range = np.log(excess.slant_range)
     for side in range(2):
         good = excess.is_usable[:, side]
-        cell = angle_knots(excess.angle[:, side][good], *knots) * N_RANGES + column[good]
-        sums[side] = np.bincount(cell, excess.level[:, side][good], sums[side].size).reshape(shape)
-        counts[side] = np.bincount(cell, minlength=sums[side].size).reshape(shape)
-    return sums, counts
+        position = np.clip((excess.angle[:, side][good] - first) / step, 0.0, n - 1.001)
+        segment = position.astype(np.int64)
+        cell = segment * N_RANGES + column[good]
+        place = (position - segment, log_range[good], excess.slant_range[good])
+        for k, values in enumerate((excess.level[:, side][good], np.ones(cell.size), *place)):
+            result[k, side] = np.bincount(cell, values, n * N_RANGES)
+    return result.reshape(5, 2, n, N_RANGES)
 
 
-def _design(beam: IntArray, cell: IntArray, centre: FloatArray, n_beam: int) -> csr_array:
-    """Rows: cells with echoes; columns: beam knots, power, absorption, gain."""
-    n = beam.size
-    one = np.ones(n)
-    values = np.stack([one, -np.log(centre[cell]), -centre[cell], one], axis=1)
-    columns = np.stack([beam, np.full(n, n_beam), np.full(n, n_beam + 1), n_beam + 2 + cell], axis=1)
+def _design(beam: tuple[IntArray, FloatArray], law: tuple[FloatArray, FloatArray, IntArray], n_beam: int) -> csr_array:
+    """Rows: cells with echoes; columns: beam knots, between which it is linear, power, absorption, gain."""
+    (knot, offset), (log_range, mean_range, cell) = beam, law
+    n, one = knot.size, np.ones(knot.size)
+    values = np.stack([1.0 - offset, offset, -log_range, -mean_range, one], axis=1)
+    power = np.full(n, n_beam)
+    columns = np.stack([knot, knot + 1, power, power + 1, power + 2 + cell], axis=1)
     shape = (n, n_beam + 2 + N_RANGES)
-    return csr_array((values.ravel(), columns.ravel(), np.arange(n + 1) * 4), shape=shape)
+    return csr_array((values.ravel(), columns.ravel(), np.arange(n + 1) * 5), shape=shape)
 
 
 def _prior(n_knots: int) -> tuple[csr_array, FloatArray]:
