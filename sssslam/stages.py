@@ -23,6 +23,7 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from frontend.windows import Window
 from sssslam.config import Config
+from sssslam.map_agreement import MapAgreement
 from sssslam.watch import Watch
 
 FIRST_POSE_SIGMAS = np.full(6, 1e-3)  # the first anchor is where dead reckoning has it: the gauge
@@ -142,6 +143,7 @@ def solve_graph(
     T_world_body_dr = np.stack([submap.T_world_submap_dr @ submap.T_submap_body for submap in submaps])
     graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency, config.do_no_harm)
     graph.add_first_pose(FIRST_POSE_SIGMAS)
+    maps, prior = MapAgreement(submaps, config.loop_closures), prior_covariance(submaps, dead_reckoning)
     settings = config.dead_reckoning
     for k in range(len(submaps)):
         graph.add_depth_and_tilt(k, settings.depth_sd, settings.tilt_sd)
@@ -152,8 +154,9 @@ def solve_graph(
         if closure.accepted:
             target, source = submaps[closure.target], submaps[closure.source]
             T_bodies = invert(target.T_submap_body) @ closure.T_target_source @ source.T_submap_body
-            graph.add_closure(closure.target, closure.source, T_bodies, closure.sigmas)
-    return graph.solve()
+            chance = len(closures) * maps.chance(closure, prior)
+            graph.add_closure(closure.target, closure.source, T_bodies, closure.sigmas, chance)
+    return graph.solve(agreement=maps, rng=np.random.default_rng(config.seed))
 
 
 def correct(

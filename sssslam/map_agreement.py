@@ -1,0 +1,92 @@
+"""How well the maps of two submaps agree: what the front end can tell the back end about a relative pose."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from frontend.arrays import FloatArray
+from frontend.chance import expected_by_chance, joint_chance, significance
+from frontend.frames import invert, planar_parameters
+from frontend.loop_closures import LoopClosure, LoopClosureConfig
+from frontend.overlap import Layers, lay_over, stack_layers
+from frontend.pairs import PriorCovariance, predicted_transform
+from frontend.priors import Prior
+from frontend.relief import extract_relief
+from frontend.submaps import Submap
+from frontend.verification import joint_area
+
+
+class MapAgreement:
+    """Agreement of submaps' heights; each submap is prepared once, when it is first asked for.
+
+    Parameters
+    ----------
+    submaps : sequence of Submap
+        Their positions are the numbers of the anchors.
+    config : LoopClosureConfig
+        What of the heights is compared, as the front end does.
+    """
+
+    def __init__(self, submaps: Sequence[Submap], config: LoopClosureConfig) -> None:
+        self._submaps = submaps
+        self._config = config
+        self._layers: dict[int, Layers] = {}
+
+    def __call__(self, target: int, source: int, T_target_source: FloatArray) -> float:
+        """Significance of the heights' correlation at a relative pose of two bodies.
+
+        Parameters
+        ----------
+        target, source : int
+            Positions of the submaps.
+        T_target_source : ndarray, shape (4, 4)
+            Body pose of the source's anchor seen from the body of the target's.
+
+        Returns
+        -------
+        agreement : float
+            Standard deviations above chance; NaN where the submaps overlap too little to tell.
+        """
+        a, b = self._submaps[target], self._submaps[source]
+        T_levels = a.T_submap_body @ T_target_source @ invert(b.T_submap_body)
+        layers = self._of(target), self._of(source)
+        overlap = lay_over(*layers, planar_parameters(T_levels))
+        if overlap.share < self._config.acceptance.min_overlap:
+            return float("nan")
+        area = joint_area(layers[0].relief, layers[1].relief)
+        return float(significance(np.array(overlap.correlation), np.array(overlap.area), area))
+
+    def chance(self, closure: LoopClosure, covariance: PriorCovariance) -> float:
+        """Chance that unrelated floors align as well as a closure, inside the gate that was searched for it.
+
+        Parameters
+        ----------
+        closure : LoopClosure
+            A closure that the front end accepted.
+        covariance : callable
+            What dead reckoning says of the pose of one submap seen from another.
+
+        Returns
+        -------
+        chance : float
+            A probability where it is small.
+        """
+        target, source = self._of(closure.target), self._of(closure.source)
+        overlap = lay_over(target, source, planar_parameters(closure.T_target_source))
+        area, area_r = joint_area(target.relief, source.relief), _reflectivity_area(target, source)
+        by_shape = float(significance(np.array(overlap.correlation), np.array(overlap.area), area))
+        by_echo = float(significance(np.array(overlap.reflectivity_correlation), np.array(overlap.area), area_r))
+        T_dr = predicted_transform(self._submaps[closure.target], self._submaps[closure.source])
+        prior = Prior(T_dr, covariance(closure.target, closure.source), self._config.pairs.gate)
+        return joint_chance(expected_by_chance(by_shape, overlap.area, area, prior), by_echo)
+
+    def _of(self, submap: int) -> Layers:
+        """Rasters of a submap."""
+        if submap not in self._layers:
+            self._layers[submap] = stack_layers(extract_relief(self._submaps[submap], self._config.relief))
+        return self._layers[submap]
+
+
+def _reflectivity_area(target: Layers, source: Layers) -> float:
+    """Floor that tells one independent thing about two reflectivities together."""
+    return float(np.sqrt(target.relief.reflectivity_correlation_area * source.relief.reflectivity_correlation_area))

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from frontend.acceptance import chance_of
+from frontend.frames import invert, planar_parameters, planar_pose
+from frontend.loop_closures import LoopClosure, LoopClosureConfig
+from frontend.overlap import stack_layers
+from frontend.pairs import predicted_transform
+from frontend.priors import Prior
+from frontend.relief import extract_relief
+from frontend.verification import verify
+from sssslam.map_agreement import MapAgreement
+from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
+
+RELATIVE = planar_pose(10.0, -15.0, 0.6)
+
+
+@pytest.fixture(scope="module")
+def submaps():
+    rng = np.random.default_rng(0)
+    seafloor, start = rough_seafloor(rng), planar_pose(150.0, 150.0, 0.2)
+    places = (planar_parameters(start), planar_parameters(start @ RELATIVE))
+    return [cut_submap(seafloor, place, rng, k, 0.06) for k, place in enumerate(places)]
+
+
+def bodies(submaps, T_levels):
+    return invert(submaps[0].T_submap_body) @ T_levels @ submaps[1].T_submap_body
+
+
+def test_maps_agree_at_the_true_place_and_not_beside_it(submaps):
+    agreement = MapAgreement(submaps, LoopClosureConfig())
+    assert agreement(0, 1, bodies(submaps, RELATIVE)) > 6.0
+    # beside it they are like unrelated floors: one standard deviation about zero
+    assert abs(agreement(0, 1, bodies(submaps, planar_pose(-10.0, 5.0, 0.6)))) < 4.0
+
+
+def test_maps_that_do_not_overlap_have_no_agreement(submaps):
+    assert np.isnan(MapAgreement(submaps, LoopClosureConfig())(0, 1, planar_pose(500.0, 0.0, 0.0)))
+
+
+def test_the_chance_is_the_one_that_acceptance_goes_by(submaps):
+    config, covariance = LoopClosureConfig(), np.diag([0.005, 0.005, 0.03, 3.0, 3.0, 0.1]) ** 2
+    layers = [stack_layers(extract_relief(submap, config.relief)) for submap in submaps]
+    v = verify(*layers, RELATIVE, config.registration)
+    prior = Prior(predicted_transform(*submaps), covariance, config.pairs.gate)
+    closure = LoopClosure(0, 1, v.T_target_source, v.sigmas, 0, 0, v.correlation, v.overlap, True, "")
+    found = MapAgreement(submaps, config).chance(closure, lambda *_: covariance)
+    assert found == pytest.approx(chance_of(v, prior), rel=1e-6)
