@@ -12,7 +12,7 @@ from frontend.range_law import Excess, angle_knots, fit_beam_and_range
 from frontend.recording import Quantity, Recording
 from frontend.transfer import Transfer, estimate_transfer, to_intensity
 
-__all__ = ["Radiometry", "RadiometryConfig", "Tables", "estimate_radiometry", "refine", "to_intensity"]
+__all__ = ["Radiometry", "RadiometryConfig", "Seafloor", "Tables", "estimate_radiometry", "refine", "to_intensity"]
 
 _N_RANGE_KNOTS = 260
 _MOST_STEP = 3.0  # that a beam pattern moves in one round, as a logarithm: a window gone wrong says more

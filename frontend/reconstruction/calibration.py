@@ -5,16 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
-from frontend.radiometry import Radiometry, RadiometryConfig, estimate_radiometry, refine
-from frontend.reconstruction.forward import angles
-from frontend.reconstruction.joint import JointConfig, descend
+from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry
+from frontend.reconstruction.joint import JointConfig, descend, make_posterior
 from frontend.reconstruction.posterior import Posterior
+from frontend.reconstruction.seafloor import estimate_seafloor
 from frontend.reconstruction.solver import Solution
-from frontend.reconstruction.window_data import window_data
+from frontend.reconstruction.window_data import WindowData, window_data
 from frontend.recording import Recording
 from frontend.windows import Window
+
+_FREE = 0.5  # standard deviation of a beam pattern of which nothing is known yet, against its first estimate
 
 
 def calibrate(
@@ -48,19 +49,29 @@ def calibrate(
     estimate = estimate_radiometry(recording, bottom, radiometry)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(radiometry.n_windows, len(windows))).astype(int))
     data = [window_data(recording, windows[k], bottom, estimate) for k in chosen]
-    for _ in range(radiometry.n_rounds if data else 0):
-        solved = [descend(part, estimate, joint, max(1, joint.n_levels - 1))[-1] for part in data]
-        evidence = [_evidence(*pair) for pair in solved]
-        angle, measured, modelled = (np.concatenate([e[k] for e in evidence], axis=1) for k in range(3))
-        estimate = replace(estimate, tables=refine(estimate.tables, angle, measured, modelled, radiometry.smoothness))
-    return estimate
+    if not data:
+        return estimate
+    altitudes = [float(np.median(part.altitude)) for part in data]
+    estimate = _with_seafloor(estimate, data, altitudes, joint)
+    free = joint.model_copy(update={"prior": joint.prior.model_copy(update={"beam": _FREE})})
+    for _ in range(radiometry.n_rounds):
+        solved = [descend(part, estimate, free, max(1, joint.n_levels - 1))[-1] for part in data]
+        estimate = replace(estimate, tables=_with_common_beam(estimate.tables, solved))
+    return _with_seafloor(estimate, data, altitudes, joint)
 
 
-def _evidence(posterior: Posterior, solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape (2, K): angle, weighted measured and modelled energy above the floor of every bin of a side."""
-    bins = posterior.bins
-    weight = posterior.data_weight(solution.mu) / solution.mu
-    angle = angles(solution.x[0], posterior.raster, posterior.beams, bins)
-    parts = (angle, weight * (bins.intensity - bins.floor), weight * (solution.mu - bins.floor))
-    first, second, third = (np.swapaxes(part, 0, 1).reshape(2, -1) for part in parts)
-    return first, second, third
+def _with_seafloor(
+    radiometry: Radiometry, data: Sequence[WindowData], altitudes: Sequence[float], config: JointConfig
+) -> Radiometry:
+    """The same radiometry with roughness and reflectivity as the echoes show them over a flat floor."""
+    posteriors = [make_posterior(part, radiometry, config) for part in data]
+    return replace(radiometry, seafloor=estimate_seafloor(posteriors, altitudes, config.prior.longest))
+
+
+def _with_common_beam(tables: Tables, solved: Sequence[tuple[Posterior, Solution]]) -> Tables:
+    """Move the beam pattern by what all windows' deviations have in common, each knot as far as it was seen."""
+    evidence = [p.curvature(s.x, s.mu).beam_information for p, s in solved]
+    towards = np.sum([e * s.x.beam for e, (_, s) in zip(evidence, solved, strict=True)], axis=0)
+    belief = solved[0][0].prior.beam
+    steps = [np.linalg.solve(belief + np.diag(e), t) for e, t in zip(np.sum(evidence, axis=0), towards, strict=True)]
+    return replace(tables, log_beam=tables.log_beam + np.stack(steps))

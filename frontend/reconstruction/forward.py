@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from frontend.arrays import BoolArray, Float32Array, FloatArray
 from frontend.radiometry import Tables
-from frontend.reconstruction.kernels import _angles, _coverage, _linearise, _pull_back, _render
+from frontend.reconstruction.kernels import _coverage, _linearise, _pull_back, _render
 
-N_CHUNKS = 8  # fixed, so that sums do not depend on the number of threads
 ROW_LENGTH = 24  # cells a bin may depend on in the curvature; the gradient is never cut
 
 
@@ -30,12 +29,18 @@ class Beams:
         Transducers [m].
     forward, side, up : ndarray, shape (P, 3), (P, 2, 3), (P, 3)
         Body axes: normal of the beam plane, towards the looked-at side, up.
+    advance : ndarray, shape (P,)
+        Distance run in half the time between transmission and reception, a metre of slant range [1].
+    turn : ndarray, shape (P,)
+        Angle turned in the same time, to port positive [rad/m].
     """
 
     sensor: FloatArray
     forward: FloatArray
     side: FloatArray
     up: FloatArray
+    advance: FloatArray
+    turn: FloatArray
 
 
 @dataclass(frozen=True)
@@ -102,12 +107,18 @@ class Curvature:
         Derivatives [1/m] and [1].
     n_cells : ndarray of int32, shape (P, 2, B)
         Used length of each row.
+    share : ndarray, shape (P, 2, B)
+        Share of the seafloor in mu; what is left is floor.
+    knot : ndarray, shape (P, 2, B)
+        Mean knot of the beam pattern that a bin was seen with.
     """
 
     cell: NDArray[np.int32]
     by_height: Float32Array
     by_reflectivity: Float32Array
     n_cells: NDArray[np.int32]
+    share: FloatArray
+    knot: FloatArray
 
 
 def render(z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins) -> FloatArray:
@@ -160,15 +171,17 @@ def linearise(
     cell = np.empty(shape, dtype=np.int32)
     by_height, by_reflectivity = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
     n_cells = np.zeros(bins.intensity.shape, dtype=np.int32)
-    rows = (cell, by_height, by_reflectivity, n_cells)
+    share, knot = np.zeros(bins.intensity.shape), np.zeros(bins.intensity.shape)
+    rows = (cell, by_height, by_reflectivity, n_cells, share, knot)
     _linearise(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, mu, rows)
+    np.divide(knot, share, out=knot, where=share > 0)
     return Curvature(*rows)
 
 
 def pull_back(
     z: FloatArray, rho: FloatArray, raster: Raster, beams: Beams, tables: Tables, bins: Bins, weight: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Adjoint of the forward model: gradient of ``sum(weight * mu)`` by heights and log-reflectivities.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Adjoint of the forward model: gradient of ``sum(weight * mu)`` by heights, log-reflectivities and beam pattern.
 
     Parameters
     ----------
@@ -183,11 +196,12 @@ def pull_back(
     -------
     by_height, by_reflectivity : ndarray, shape (n_y, n_x)
         Gradient of the cost; exact for the samples seen and the places walked.
+    by_beam : ndarray, shape (2, K)
+        Gradient by the logarithmic beam pattern at its knots.
     """
-    gradients = np.zeros((N_CHUNKS, 2, raster.n_y, raster.n_x))
-    _pull_back(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, weight, gradients)
-    total = gradients.sum(axis=0)
-    return total[0], total[1]
+    gradients, by_beam = np.zeros((2, raster.n_y, raster.n_x)), np.zeros(tables.log_beam.shape)
+    _pull_back(z, rho, _grid(raster), _pack(beams), _pack_tables(tables), bins.width, weight, gradients, by_beam)
+    return gradients[0], gradients[1], by_beam
 
 
 def coverage(z: FloatArray, raster: Raster, beams: Beams, slant_range_max: float) -> tuple[BoolArray, BoolArray]:
@@ -213,35 +227,15 @@ def coverage(z: FloatArray, raster: Raster, beams: Beams, slant_range_max: float
     return passed, seen
 
 
-def angles(z: FloatArray, raster: Raster, beams: Beams, bins: Bins) -> FloatArray:
-    """Mean angle from the body's nadir of the seen surface in each bin.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n_y, n_x)
-        Heights [m].
-    raster, beams, bins
-        As in `render`.
-
-    Returns
-    -------
-    angle : ndarray, shape (P, 2, B)
-        Angles [rad]; NaN where nothing is seen.
-    """
-    angle = np.empty(bins.intensity.shape)
-    _angles(z, _grid(raster), _pack(beams), bins.width, angle)
-    return angle
-
-
 def _grid(raster: Raster) -> tuple[int, int, float, float, float]:
     return raster.n_y, raster.n_x, raster.spacing, raster.origin[0], raster.origin[1]
 
 
 def _pack(beams: Beams) -> FloatArray:
-    """One row of 14 numbers a line: sensor, side, up, heading, horizontal walk, tangent of the pitch (nose down)."""
+    """One row of 16 numbers a line, as `frontend.reconstruction.kernels` wants it."""
     horizontal = np.hypot(beams.forward[:, 0], beams.forward[:, 1])
     heading = beams.forward[:, :2] / horizontal[:, None]
-    packed = np.zeros((len(beams.forward), 2, 14))
+    packed = np.zeros((len(beams.forward), 2, 16))
     packed[..., 0:3] = beams.sensor
     packed[..., 3:6] = beams.side
     packed[..., 6:9] = beams.up[:, None]
@@ -249,6 +243,8 @@ def _pack(beams: Beams) -> FloatArray:
     left = np.stack([-heading[:, 1], heading[:, 0]], axis=-1)
     packed[:, 0, 11:13], packed[:, 1, 11:13] = left, -left
     packed[..., 13] = (-beams.forward[:, 2] / horizontal)[:, None]
+    packed[..., 14] = beams.advance[:, None]
+    packed[:, 0, 15], packed[:, 1, 15] = -beams.turn, beams.turn
     return packed
 
 

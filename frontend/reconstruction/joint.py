@@ -1,18 +1,22 @@
 """Joint estimate of height and reflectivity of a window by analysis by synthesis in the slant-range domain."""
 
+import time
+from dataclasses import replace
+
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import binary_closing, gaussian_filter, map_coordinates
 from scipy.sparse import csr_array
 
-from frontend.arrays import FloatArray
+from frontend.arrays import BoolArray, FloatArray
 from frontend.bottom import Bottom
 from frontend.heightfield import Heightfield
 from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Raster, coverage
 from frontend.reconstruction.posterior import Altimeter, Posterior
-from frontend.reconstruction.priors import PriorConfig, from_cosine, make_prior
+from frontend.reconstruction.priors import PriorConfig, make_prior
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
+from frontend.reconstruction.unknowns import Unknowns
 from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
 from frontend.recording import Recording
 from frontend.submaps import Submap
@@ -59,6 +63,9 @@ class JointConfig(BaseModel):
     sigma_factor: float = Field(
         default=2.0, gt=0, description="Sigma against that of the posterior [1]; calibrated on simulation."
     )
+    held_out: int = Field(
+        default=12, ge=2, description="Every so many-th line [1] is kept aside to say when a solution fits only noise."
+    )
     prior: PriorConfig = PriorConfig()
     solver: SolverConfig = SolverConfig()
 
@@ -96,7 +103,7 @@ def reconstruct(
     bottom : Bottom
         First bottom returns and altitude of the dive.
     radiometry : Radiometry
-        Calibrated for the dive, held fixed here.
+        Calibrated for the dive; a window may stray from it by little.
     config : JointConfig
         The method's settings.
 
@@ -134,21 +141,26 @@ def descend(
     levels : list of (Posterior, Solution)
         One pair a resolution, the finest last.
     """
-    finest = config.spacing or cell_spacing(data.slant_range_max)
+    until = time.monotonic() + config.solver.deadline
     levels: list[tuple[Posterior, Solution]] = []
     for k in range(n_levels):
-        spacing = finest * 2 ** (config.n_levels - 1 - k)
-        raster = raster_of(data, spacing)
-        posterior = make_posterior(data, radiometry, raster, config)
-        x = posterior.expected
-        if levels:
-            x = np.stack([resample(part, levels[-1][0].raster, raster) for part in levels[-1][1].x])
-        levels.append((posterior, minimise(posterior, x, config.solver)))
+        posterior = make_posterior(data, radiometry, config, config.n_levels - 1 - k)
+        start = _refined(*levels[-1], posterior) if levels else posterior.origin()
+        levels.append((posterior, minimise(posterior, start, config.solver, until)))
     return levels
 
 
-def make_posterior(data: WindowData, radiometry: Radiometry, raster: Raster, config: JointConfig) -> Posterior:
-    """The posterior of a window at the resolution of a raster.
+def _refined(coarse: Posterior, solution: Solution, fine: Posterior) -> Unknowns:
+    """What a coarser resolution found, on a finer one."""
+    x, grids = solution.x, (coarse.raster, fine.raster)
+    smooth = resample(coarse.expected + x.background, *grids) - fine.expected
+    objects, reflectivity = resample(x.objects, *grids), resample(x.log_reflectivity, *grids)
+    gain = x.gain if len(x.gain) == len(fine.beams.sensor) else fine.origin().gain
+    return Unknowns(smooth, objects, reflectivity, x.beam, gain)
+
+
+def make_posterior(data: WindowData, radiometry: Radiometry, config: JointConfig, coarser: int = 0) -> Posterior:
+    """The posterior of a window at one resolution.
 
     Parameters
     ----------
@@ -156,24 +168,34 @@ def make_posterior(data: WindowData, radiometry: Radiometry, raster: Raster, con
         The window.
     radiometry : Radiometry
         Calibration.
-    raster : Raster
-        The grid; bins and lines follow its spacing.
     config : JointConfig
         The method's settings.
+    coarser : int
+        How many times cells are twice as large as the finest; bins and lines follow.
 
     Returns
     -------
     posterior : Posterior
         The cost to be made small.
     """
+    raster = raster_of(data, (config.spacing or cell_spacing(data.slant_range_max)) * 2**coarser)
     step = np.median(np.hypot(*np.diff(data.sensors[:, 0, :2], axis=0).T)) if len(data.sensors) > 1 else raster.spacing
-    group = int(np.clip(np.floor(0.5 * raster.spacing / max(step, 1e-3)), 1, max(1, len(data.sensors) // 4)))
+    group = int(np.clip(np.floor(raster.spacing / max(step, 1e-3)), 1, max(1, len(data.sensors) // 4)))
     model = BinModel(radiometry.looks, config.looks_most, config.blur, radiometry.tables.noise)
     beams, bins = beams_and_bins(data, raster.spacing / config.bins_per_cell, group, model)
-    prior = make_prior(raster, config.prior)
-    expected = np.stack([first_surface(data, raster), np.zeros(raster.shape)])
-    altimeter = _altimeter(data, raster, config)
-    return Posterior(raster, beams, radiometry.tables, bins, prior, expected, altimeter, config.tail)
+    aside = _lines_aside(len(beams.sensor), config.held_out)
+    seen = replace(bins, looks=np.where(aside, 0.0, bins.looks))
+    prior = make_prior(raster, radiometry.tables, radiometry.seafloor, config.prior)
+    surface, altimeter = first_surface(data, raster), _altimeter(data, raster, config)
+    held_out = np.where(aside, bins.looks, 0.0)
+    return Posterior(raster, beams, radiometry.tables, seen, prior, surface, altimeter, config.tail, held_out)
+
+
+def _lines_aside(n_lines: int, every: int) -> BoolArray:
+    """Shape (P, 1, 1): lines that only say when to stop; none in a short window."""
+    if n_lines < 3 * every:
+        return np.zeros((n_lines, 1, 1), dtype=np.bool_)
+    return np.asarray(np.arange(n_lines) % every == every // 2)[:, None, None]
 
 
 def first_surface(data: WindowData, raster: Raster) -> FloatArray:
@@ -243,18 +265,18 @@ def _sigma(
     """Standard deviation of heights from draws of the posterior at a coarser level, smoothed and inflated."""
     config, rng = how
     equations = posterior.curvature(solution.x, solution.mu)
-    draws = [from_cosine(solve(equations, equations.draw(rng), config.solver)[0]) for _ in range(config.n_draws)]
-    variance = gaussian_filter(np.mean(np.square(draws), axis=0), 2.0)
+    draws = [solve(equations, equations.draw(rng), config.solver).from_coordinates() for _ in range(config.n_draws)]
+    variance = gaussian_filter(np.mean([(d.background + d.objects) ** 2 for d in draws], axis=0), 2.0)
     return config.sigma_factor * np.sqrt(np.maximum(resample(variance, posterior.raster, raster), 1e-6))
 
 
 def _submap(
     recording: Recording, window: Window, data: WindowData, posterior: Posterior, solution: Solution, sigma: FloatArray
 ) -> Submap:
-    raster = posterior.raster
-    passed, seen = coverage(solution.x[0], raster, posterior.beams, data.slant_range_max)
+    raster, height = posterior.raster, posterior.height(solution.x)
+    passed, seen = coverage(height, raster, posterior.beams, data.slant_range_max)
     covered = passed | binary_closing(np.pad(passed, 2), iterations=2)[2:-2, 2:-2]  # lines fan out in turns
-    z, known_sigma, rho = (np.where(covered, values, np.nan) for values in (solution.x[0], sigma, solution.x[1]))
+    z, known_sigma, rho = (np.where(covered, values, np.nan) for values in (height, sigma, solution.x.log_reflectivity))
     return Submap(
         window.number,
         window.first_ping,

@@ -1,8 +1,9 @@
 """Kernels of the forward model: the walk along one line of a ping, and what is gathered on the way.
 
-A line is a row of 14 numbers: transducer (0-2), side axis (3-5), up axis (6-8), heading (9-10), the horizontal
-direction of the walk (11-12) and the tangent of the pitch, nose down (13). ``grid`` is rows, columns, spacing and
-origin; ``tables`` are beam pattern, range law and their first knots and steps.
+A line is a row of 16 numbers: transducer (0-2), side axis (3-5), up axis (6-8), heading (9-10), the horizontal
+direction of the walk (11-12), the tangent of the pitch, nose down (13), and how far the echo's place runs along with
+the vehicle while sound is under way: by its speed [1] (14) and its turn [1/m] (15). ``grid`` is rows, columns, spacing
+and origin; ``tables`` are beam pattern, range law and their first knots and steps.
 """
 
 import numba
@@ -22,11 +23,17 @@ def _lookup(table, position):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, inline="always")
+def _along(line, u, height):  # type: ignore[no-untyped-def]
+    """Distance along track of the place that is heard at across-track distance u."""
+    return line[13] * (height - line[2]) + u * (line[14] + line[15] * u)
+
+
+@numba.njit(cache=True, inline="always")
 def _place(z, grid, line, u, height):  # type: ignore[no-untyped-def]
     """Walk to across-track distance u: cell, weights, height. The place along track follows the height (pitch)."""
     n_y, n_x, spacing, x0, y0 = grid
     for _ in range(2):
-        v = line[13] * (height - line[2])
+        v = _along(line, u, height)
         fx = (line[0] + line[11] * u + line[9] * v - x0) / spacing
         fy = (line[1] + line[12] * u + line[10] * v - y0) / spacing
         if not (fx >= 0.0 and fy >= 0.0 and fx < n_x - 1 and fy < n_y - 1):
@@ -43,24 +50,25 @@ def _place(z, grid, line, u, height):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, inline="always")
 def _sample(z, rho, grid, line, at, tables, side):  # type: ignore[no-untyped-def]
-    """Energy of one sample and its logarithmic derivatives by height and the two slopes; range and its derivative."""
+    """Energy of a sample; range and its derivative; derivatives of ln energy by height and slopes; knot of the beam."""
     log_beam, log_range, scalars = tables
     row, column, ax, ay, u, height = at
     spacing = grid[2]
     z00, z01, z10, z11 = z[row, column], z[row, column + 1], z[row + 1, column], z[row + 1, column + 1]
     p = ((1 - ay) * (z01 - z00) + ay * (z11 - z10)) / spacing
     q = ((1 - ax) * (z10 - z00) + ax * (z11 - z01)) / spacing
-    v = line[13] * (height - line[2])
+    v = _along(line, u, height)
     dx, dy, dz = -(line[11] * u + line[9] * v), -(line[12] * u + line[10] * v), line[2] - height
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
     m = dz - p * dx - q * dy
     s2 = 1 + p * p + q * q
     if m <= 1e-6 * r:
-        return 0.0, r, 0.0, 0.0, 0.0, 0.0
+        return 0.0, r, 0.0, 0.0, 0.0, 0.0, 0.0
     along = -(dx * line[3] + dy * line[4] + dz * line[5])
     down = dx * line[6] + dy * line[7] + dz * line[8]
     theta = np.arctan2(along, down)
-    beam, beam_slope = _lookup(log_beam[side], (theta - scalars[0]) / scalars[1])
+    knot = (theta - scalars[0]) / scalars[1]
+    beam, beam_slope = _lookup(log_beam[side], knot)
     gain, gain_slope = _lookup(log_range, r / scalars[2])
     reflectivity = (1 - ay) * ((1 - ax) * rho[row, column] + ax * rho[row, column + 1]) + ay * (
         (1 - ax) * rho[row + 1, column] + ax * rho[row + 1, column + 1]
@@ -72,7 +80,7 @@ def _sample(z, rho, grid, line, at, tables, side):  # type: ignore[no-untyped-de
     by_z = beam_slope / scalars[1] * theta_z + gain_slope / scalars[2] * r_z - n * (1.0 / m + r_z / r)
     by_p = -n * (dx / m + p / s2) + p / s2
     by_q = -n * (dy / m + q / s2) + q / s2
-    return energy, r, r_z, by_z, by_p, by_q
+    return energy, r, r_z, by_z, by_p, by_q, min(max(knot, 0.0), log_beam.shape[1] - 1.0)
 
 
 @numba.njit(cache=True, inline="always")
@@ -98,10 +106,10 @@ def _bin(r, width):  # type: ignore[no-untyped-def]
     return i, b - i
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _render(z, rho, grid, lines, tables, width, mu):  # type: ignore[no-untyped-def]
     area = 0.25 * grid[2] / width
-    for ping in numba.prange(lines.shape[0]):
+    for ping in range(lines.shape[0]):
         for side in range(2):
             line, out = lines[ping, side], mu[ping, side]
             u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
@@ -112,7 +120,7 @@ def _render(z, rho, grid, lines, tables, width, mu):  # type: ignore[no-untyped-
                 if row < 0:
                     break
                 at = (row, column, ax, ay, u, height)
-                energy, r, _, _, _, _ = _sample(z, rho, grid, line, at, tables, side)
+                energy, r, _, _, _, _, _ = _sample(z, rho, grid, line, at, tables, side)
                 if r >= width * out.size:
                     break
                 i, f = _bin(r, width)
@@ -122,30 +130,30 @@ def _render(z, rho, grid, lines, tables, width, mu):  # type: ignore[no-untyped-
                     out[i + 1] += f * energy * area
 
 
-@numba.njit(cache=True, parallel=True)
-def _pull_back(z, rho, grid, lines, tables, width, weight, gradients):  # type: ignore[no-untyped-def]
-    n, n_chunks, area = lines.shape[0], gradients.shape[0], 0.25 * grid[2] / width
-    for chunk in numba.prange(n_chunks):
-        for ping in range(chunk * n // n_chunks, (chunk + 1) * n // n_chunks):
-            for side in range(2):
-                line, w = lines[ping, side], weight[ping, side]
-                u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
-                while True:
-                    row, column, ax, ay, u, height, horizon = _next_seen(
-                        z, grid, line, u, height, horizon, width * w.size
-                    )
-                    if row < 0:
-                        break
-                    at = (row, column, ax, ay, u, height)
-                    energy, r, r_z, by_z, by_p, by_q = _sample(z, rho, grid, line, at, tables, side)
-                    if r >= width * w.size:
-                        break
-                    i, f = _bin(r, width)
-                    near = w[i] if i >= 0 else 0.0
-                    far = w[i + 1] if i + 1 < w.size else 0.0
-                    g = area * energy * ((1 - f) * near + f * far)
-                    gz = g * by_z + area * energy * (far - near) * r_z / width
-                    _spread(gradients[chunk], at, g, gz, g * by_p / grid[2], g * by_q / grid[2])
+@numba.njit(cache=True, nogil=True)
+def _pull_back(z, rho, grid, lines, tables, width, weight, gradients, by_beam):  # type: ignore[no-untyped-def]
+    area = 0.25 * grid[2] / width
+    for ping in range(lines.shape[0]):
+        for side in range(2):
+            line, w = lines[ping, side], weight[ping, side]
+            u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
+            while True:
+                row, column, ax, ay, u, height, horizon = _next_seen(z, grid, line, u, height, horizon, width * w.size)
+                if row < 0:
+                    break
+                at = (row, column, ax, ay, u, height)
+                energy, r, r_z, by_z, by_p, by_q, knot = _sample(z, rho, grid, line, at, tables, side)
+                if r >= width * w.size:
+                    break
+                i, f = _bin(r, width)
+                near = w[i] if i >= 0 else 0.0
+                far = w[i + 1] if i + 1 < w.size else 0.0
+                g = area * energy * ((1 - f) * near + f * far)
+                gz = g * by_z + area * energy * (far - near) * r_z / width
+                _spread(gradients, at, g, gz, g * by_p / grid[2], g * by_q / grid[2])
+                k = min(int(knot), by_beam.shape[1] - 2)
+                by_beam[side, k] += g * (k + 1 - knot)
+                by_beam[side, k + 1] += g * (knot - k)
 
 
 @numba.njit(cache=True, inline="always")
@@ -177,11 +185,11 @@ def _add(cells, heights, reflectivities, count, cell, by_height, by_rho):  # typ
     return count + 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True)
 def _linearise(z, rho, grid, lines, tables, width, mu, rows):  # type: ignore[no-untyped-def]
-    cell, by_height, by_rho, n_cells = rows
+    cell, by_height, by_rho, n_cells, shares, knots = rows
     spacing, area = grid[2], 0.25 * grid[2] / width
-    for ping in numba.prange(lines.shape[0]):
+    for ping in range(lines.shape[0]):
         weights, slopes = np.empty(4), np.empty(4)
         for side in range(2):
             line, m = lines[ping, side], mu[ping, side]
@@ -191,7 +199,7 @@ def _linearise(z, rho, grid, lines, tables, width, mu, rows):  # type: ignore[no
                 if row < 0:
                     break
                 at = (row, column, ax, ay, u, height)
-                energy, r, r_z, by_z, by_p, by_q = _sample(z, rho, grid, line, at, tables, side)
+                energy, r, r_z, by_z, by_p, by_q, knot = _sample(z, rho, grid, line, at, tables, side)
                 if r >= width * m.size:
                     break
                 i, f = _bin(r, width)
@@ -201,6 +209,8 @@ def _linearise(z, rho, grid, lines, tables, width, mu, rows):  # type: ignore[no
                         continue
                     e = area * energy / m[i + k]
                     share = e * (f if k == 1 else 1 - f)
+                    shares[ping, side, i + k] += share
+                    knots[ping, side, i + k] += share * knot
                     shift = e * r_z / width * (1.0 if k == 1 else -1.0)
                     for c in range(4):
                         n_cells[ping, side, i + k] = _add(
@@ -224,7 +234,7 @@ def _corners(at, gp, gq, weights, slopes):  # type: ignore[no-untyped-def]
     slopes[2], slopes[3] = -gp * ay + gq * (1 - ax), gp * ay + gq * ax
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _coverage(z, grid, lines, end, passed, seen):  # type: ignore[no-untyped-def]
     step = 0.25 * grid[2]
     for ping in range(lines.shape[0]):
@@ -242,28 +252,3 @@ def _coverage(z, grid, lines, end, passed, seen):  # type: ignore[no-untyped-def
                     horizon = elevation
                     seen[near] = True
                 u += step
-
-
-@numba.njit(cache=True, parallel=True)
-def _angles(z, grid, lines, width, angle):  # type: ignore[no-untyped-def]
-    for ping in numba.prange(lines.shape[0]):
-        for side in range(2):
-            line, out = lines[ping, side], angle[ping, side]
-            count = np.zeros(out.size)
-            out[:] = 0.0
-            u, height, horizon = -0.125 * grid[2], z[z.shape[0] // 2, z.shape[1] // 2], -np.inf
-            while True:
-                row, _, _, _, u, height, horizon = _next_seen(z, grid, line, u, height, horizon, width * out.size)
-                if row < 0:
-                    break
-                v = line[13] * (height - line[2])
-                dx, dy, dz = -(line[11] * u + line[9] * v), -(line[12] * u + line[10] * v), line[2] - height
-                r = np.sqrt(dx * dx + dy * dy + dz * dz)
-                if r >= width * out.size:
-                    break
-                along = -(dx * line[3] + dy * line[4] + dz * line[5])
-                down = dx * line[6] + dy * line[7] + dz * line[8]
-                out[int(r / width)] += np.arctan2(along, down)
-                count[int(r / width)] += 1
-            for b in range(out.size):
-                out[b] = out[b] / count[b] if count[b] > 0 else np.nan

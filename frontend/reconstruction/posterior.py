@@ -1,16 +1,16 @@
-"""The cost that a surface is judged by, its exact gradient, and its curvature."""
+"""The cost that a window's unknowns are judged by, its exact gradient, and where its curvature comes from."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from scipy.sparse import csr_array
 
 from frontend.arrays import FloatArray
 from frontend.radiometry import Tables
-from frontend.reconstruction.forward import N_CHUNKS, Beams, Bins, Curvature, Raster, linearise, pull_back, render
-from frontend.reconstruction.priors import Prior, from_cosine, to_cosine, wavenumbers
+from frontend.reconstruction.forward import Beams, Bins, Raster, linearise, pull_back, render
+from frontend.reconstruction.normal_equations import NormalEquations
+from frontend.reconstruction.priors import Prior
+from frontend.reconstruction.unknowns import Unknowns, nothing
 
 
 @dataclass(frozen=True)
@@ -36,20 +36,20 @@ class Altimeter:
 class Posterior:
     """Gamma likelihood of multilooked bins with a robust tail, altimeter and prior, at one resolution.
 
-    The state is an array of shape (2, n_y, n_x): heights [m] and log-reflectivities.
-
     Parameters
     ----------
     raster, beams, tables, bins
         The forward model's arguments.
     prior : Prior
-        Belief about relief and reflectivity.
-    expected : ndarray, shape (2, n_y, n_x)
-        Mean of the prior: a smooth surface through the altimeter's heights, and no reflectivity contrast.
+        Belief about the unknowns.
+    expected : ndarray, shape (n_y, n_x)
+        Surface that the background is added to: smooth, through the altimeter's heights [m].
     altimeter : Altimeter
         Heights below the track.
     tail : float
         Deviance at which a bin counts half; larger outliers count less.
+    held_out : ndarray, shape (P, 2, B)
+        Looks of the bins that are kept aside; they say when to stop.
     """
 
     raster: Raster
@@ -60,29 +60,56 @@ class Posterior:
     expected: FloatArray
     altimeter: Altimeter
     tail: float
+    held_out: FloatArray
 
-    def predict(self, x: FloatArray) -> FloatArray:
+    def origin(self) -> Unknowns:
+        """Where the prior is highest.
+
+        Returns
+        -------
+        x : Unknowns
+            All zero.
+        """
+        return nothing(self.raster.shape, self.tables.log_beam.shape[1], len(self.beams.sensor))
+
+    def height(self, x: Unknowns) -> FloatArray:
+        """The seafloor.
+
+        Parameters
+        ----------
+        x : Unknowns
+            As rasters.
+
+        Returns
+        -------
+        z : ndarray, shape (n_y, n_x)
+            Heights in the submap frame [m].
+        """
+        return self.expected + x.background + x.objects
+
+    def predict(self, x: Unknowns) -> FloatArray:
         """Expected intensity of every bin.
 
         Parameters
         ----------
-        x : ndarray, shape (2, n_y, n_x)
-            The state.
+        x : Unknowns
+            As rasters.
 
         Returns
         -------
         mu : ndarray, shape (P, 2, B)
             Expected intensities.
         """
-        return render(x[0], x[1], self.raster, self.beams, self.tables, self.bins)
+        echo = render(self.height(x), x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins)
+        return self.bins.floor + np.exp(x.gain)[:, :, None] * (echo - self.bins.floor)
 
-    def cost(self, x: FloatArray, mu: FloatArray) -> float:
+    def cost(self, x: Unknowns, mu: FloatArray) -> float:
         """Negative log-posterior, up to a constant.
 
         Parameters
         ----------
-        x : ndarray, shape (2, n_y, n_x)
-            The state.
+        x : Unknowns
+            As rasters.
         mu : ndarray, shape (P, 2, B)
             What `predict` gave for it.
 
@@ -91,32 +118,50 @@ class Posterior:
         cost : float
             To be made small.
         """
-        robust = 0.5 * self.tail * np.log1p(_deviance(self.bins, mu) / self.tail)
-        miss = self.altimeter.weights @ x[0].ravel() - self.altimeter.height
-        off = x - self.expected
-        believed = 0.5 * (off * self.prior.apply(off)).sum()
-        return float(robust.sum() + 0.5 * (self.altimeter.precision * miss**2).sum() + believed)
+        miss = self._miss(x)
+        echoes = self._robust(self.bins.looks, mu)
+        return float(echoes + 0.5 * (self.altimeter.precision * miss**2).sum() + self.prior.cost(x))
 
-    def gradient(self, x: FloatArray, mu: FloatArray) -> FloatArray:
+    def held_out_cost(self, mu: FloatArray) -> float:
+        """What the bins that are kept aside say.
+
+        Parameters
+        ----------
+        mu : ndarray, shape (P, 2, B)
+            Expected intensities.
+
+        Returns
+        -------
+        cost : float
+            Their share of the cost, had they been looked at.
+        """
+        return self._robust(self.held_out, mu)
+
+    def gradient(self, x: Unknowns, mu: FloatArray) -> Unknowns:
         """Exact gradient of the cost for the samples seen at x.
 
         Parameters
         ----------
-        x : ndarray, shape (2, n_y, n_x)
-            The state.
+        x : Unknowns
+            As rasters.
         mu : ndarray, shape (P, 2, B)
             What `predict` gave for it.
 
         Returns
         -------
-        gradient : ndarray, shape (2, n_y, n_x)
-            Derivative of the cost by each unknown.
+        gradient : Unknowns
+            Derivative of the cost by each unknown, as rasters.
         """
         by_mu = self.data_weight(mu) * (1.0 - self.bins.intensity / mu) / mu
-        gradient = np.stack(pull_back(x[0], x[1], self.raster, self.beams, self.tables, self.bins, by_mu))
-        miss = self.altimeter.weights @ x[0].ravel() - self.altimeter.height
-        gradient[0] += (self.altimeter.weights.T @ (self.altimeter.precision * miss)).reshape(self.raster.shape)
-        return gradient + self.prior.apply(x - self.expected)
+        weight = np.exp(x.gain)[:, :, None] * by_mu
+        z = self.height(x)
+        by_height, by_reflectivity, by_beam = pull_back(
+            z, x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins, weight
+        )
+        by_height += (self.altimeter.weights.T @ (self.altimeter.precision * self._miss(x))).reshape(z.shape)
+        by_gain = (by_mu * (mu - self.bins.floor)).sum(axis=2)
+        echoes = Unknowns(by_height, by_height, by_reflectivity, by_beam, by_gain)
+        return echoes.plus(self.prior.gradient(x))
 
     def data_weight(self, mu: FloatArray) -> FloatArray:
         """Looks of each bin, less where the echo is far from what is expected.
@@ -131,15 +176,15 @@ class Posterior:
         weight : ndarray, shape (P, 2, B)
             Effective looks; the information on ln mu.
         """
-        return self.bins.looks / (1.0 + _deviance(self.bins, mu) / self.tail)
+        return self.bins.looks / (1.0 + _deviance(self.bins.intensity, self.bins.looks, mu) / self.tail)
 
-    def curvature(self, x: FloatArray, mu: FloatArray) -> "NormalEquations":
+    def curvature(self, x: Unknowns, mu: FloatArray) -> NormalEquations:
         """Fisher information at x: always positive, also where the second derivative is not.
 
         Parameters
         ----------
-        x : ndarray, shape (2, n_y, n_x)
-            The state.
+        x : Unknowns
+            As rasters.
         mu : ndarray, shape (P, 2, B)
             What `predict` gave for it.
 
@@ -148,155 +193,22 @@ class Posterior:
         equations : NormalEquations
             To multiply and to precondition with.
         """
-        rows = linearise(x[0], x[1], self.raster, self.beams, self.tables, self.bins, mu)
-        return NormalEquations(self, rows, self.data_weight(mu))
+        quiet = mu * np.exp(-x.gain)[:, :, None]  # rows are energies over mu, gains included
+        rows = linearise(self.height(x), x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins, quiet)
+        below = (self.altimeter.weights, self.altimeter.precision)
+        precision = self.prior.object_precision(x.objects)
+        return NormalEquations(self.raster, self.prior, rows, self.data_weight(mu), below, precision)
+
+    def _tables(self, x: Unknowns) -> Tables:
+        return replace(self.tables, log_beam=self.tables.log_beam + x.beam)
+
+    def _miss(self, x: Unknowns) -> FloatArray:
+        return np.asarray(self.altimeter.weights @ self.height(x).ravel() - self.altimeter.height)
+
+    def _robust(self, looks: FloatArray, mu: FloatArray) -> float:
+        return float(0.5 * self.tail * np.log1p(_deviance(self.bins.intensity, looks, mu) / self.tail).sum())
 
 
-@dataclass(frozen=True)
-class NormalEquations:
-    """The curvature of a posterior at one state, as products with cosine coefficients, in which the prior is diagonal.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Whose curvature.
-    rows : Curvature
-        Jacobian of ln mu.
-    weight : ndarray, shape (P, 2, B)
-        Information of each bin.
-    """
-
-    posterior: Posterior
-    rows: Curvature
-    weight: FloatArray
-
-    def multiply(self, v: FloatArray) -> FloatArray:
-        """Curvature times a vector.
-
-        Parameters
-        ----------
-        v : ndarray, shape (2, n_y, n_x)
-            Cosine coefficients of a direction.
-
-        Returns
-        -------
-        product : ndarray, shape (2, n_y, n_x)
-            Cosine coefficients of curvature times direction.
-        """
-        return to_cosine(self._multiply_data(from_cosine(v))) + self.posterior.prior.precision * v
-
-    def precondition(self, v: FloatArray) -> FloatArray:
-        """Roughly the inverse curvature times a vector.
-
-        Parameters
-        ----------
-        v : ndarray, shape (2, n_y, n_x)
-            Cosine coefficients of a gradient.
-
-        Returns
-        -------
-        step : ndarray, shape (2, n_y, n_x)
-            Cosine coefficients; exact where all cells are seen alike.
-        """
-        return v / self._diagonal
-
-    def draw(self, rng: np.random.Generator) -> FloatArray:
-        """A random vector whose covariance is the curvature.
-
-        Parameters
-        ----------
-        rng : Generator
-            Source of randomness.
-
-        Returns
-        -------
-        draw : ndarray, shape (2, n_y, n_x)
-            Cosine coefficients; solve the curvature for it to draw from the posterior.
-        """
-        raster, altimeter, prior = self.posterior.raster, self.posterior.altimeter, self.posterior.prior
-        chunks = np.zeros((N_CHUNKS, 2, raster.n_cells))
-        noise = rng.standard_normal(self.weight.shape) * np.sqrt(self.weight)
-        rows = self.rows
-        _pull(rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, noise, chunks)
-        data = chunks.sum(axis=0).reshape(2, *raster.shape)
-        below = np.sqrt(altimeter.precision) * rng.standard_normal(len(altimeter.height))
-        data[0] += (altimeter.weights.T @ below).reshape(raster.shape)
-        return to_cosine(data) + np.sqrt(prior.precision) * rng.standard_normal(data.shape)
-
-    def _multiply_data(self, v: FloatArray) -> FloatArray:
-        """What bins and altimeter add to the curvature, times a direction of heights and log-reflectivities."""
-        raster, altimeter, rows = self.posterior.raster, self.posterior.altimeter, self.rows
-        chunks = np.zeros((N_CHUNKS, 2, raster.n_cells))
-        _multiply(rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, self.weight, v.reshape(2, -1), chunks)
-        product = chunks.sum(axis=0).reshape(v.shape)
-        below = altimeter.weights @ v[0].ravel()
-        product[0] += (altimeter.weights.T @ (altimeter.precision * below)).reshape(raster.shape)
-        return product
-
-    @cached_property
-    def _diagonal(self) -> FloatArray:
-        """Precisions in the cosine basis: the prior's, and the data's as if every cell were seen alike."""
-        raster, prior = self.posterior.raster, self.posterior.prior
-        slope = _slope_information(self.rows.by_height, self.rows.n_cells, self.weight) / raster.n_cells
-        k2_y, k2_x = wavenumbers(raster)
-        across = (0.8 * k2_y + 0.2 * k2_x) * raster.spacing**2  # the frame's y runs across the track
-        level = [self._constant_information(k) for k in range(2)]
-        return np.stack([prior.height + 0.5 * slope * across + level[0], prior.reflectivity + level[1]])
-
-    def _constant_information(self, unknown: int) -> float:
-        """What the data say, a cell, about adding the same to all heights or to all log-reflectivities."""
-        v = np.zeros((2, *self.posterior.raster.shape))
-        v[unknown] = 1.0
-        return float(self._multiply_data(v)[unknown].mean())
-
-
-def _deviance(bins: Bins, mu: FloatArray) -> FloatArray:
-    ratio = np.maximum(bins.intensity, 1e-12 * mu) / mu
-    return np.asarray(2 * bins.looks * (ratio - 1 - np.log(ratio)))
-
-
-@numba.njit(cache=True, parallel=True)
-def _multiply(cell, by_height, by_reflectivity, n_cells, weight, v, chunks):  # type: ignore[no-untyped-def]
-    n = cell.shape[0]
-    for chunk in numba.prange(chunks.shape[0]):
-        out = chunks[chunk]
-        for ping in range(chunk * n // chunks.shape[0], (chunk + 1) * n // chunks.shape[0]):
-            for side in range(2):
-                for b in range(cell.shape[2]):
-                    count = n_cells[ping, side, b]
-                    if count == 0 or weight[ping, side, b] == 0.0:
-                        continue
-                    c, jz, jr = cell[ping, side, b], by_height[ping, side, b], by_reflectivity[ping, side, b]
-                    change = 0.0
-                    for k in range(count):
-                        change += jz[k] * v[0, c[k]] + jr[k] * v[1, c[k]]
-                    change *= weight[ping, side, b]
-                    for k in range(count):
-                        out[0, c[k]] += jz[k] * change
-                        out[1, c[k]] += jr[k] * change
-
-
-@numba.njit(cache=True, parallel=True)
-def _pull(cell, by_height, by_reflectivity, n_cells, values, chunks):  # type: ignore[no-untyped-def]
-    n = cell.shape[0]
-    for chunk in numba.prange(chunks.shape[0]):
-        out = chunks[chunk]
-        for ping in range(chunk * n // chunks.shape[0], (chunk + 1) * n // chunks.shape[0]):
-            for side in range(2):
-                for b in range(cell.shape[2]):
-                    c, value = cell[ping, side, b], values[ping, side, b]
-                    for k in range(n_cells[ping, side, b]):
-                        out[0, c[k]] += by_height[ping, side, b, k] * value
-                        out[1, c[k]] += by_reflectivity[ping, side, b, k] * value
-
-
-@numba.njit(cache=True)
-def _slope_information(by_height, n_cells, weight):  # type: ignore[no-untyped-def]
-    """Sum of squared derivatives by height, weighted."""
-    total = 0.0
-    for ping in range(weight.shape[0]):
-        for side in range(2):
-            for b in range(weight.shape[2]):
-                for k in range(n_cells[ping, side, b]):
-                    total += weight[ping, side, b] * by_height[ping, side, b, k] ** 2
-    return total
+def _deviance(intensity: FloatArray, looks: FloatArray, mu: FloatArray) -> FloatArray:
+    ratio = np.maximum(intensity, 1e-12 * mu) / mu
+    return np.asarray(2 * looks * (ratio - 1 - np.log(ratio)))

@@ -1,104 +1,172 @@
-"""What is believed of a seafloor before it is seen: relief with a power-law spectrum, slowly varying reflectivity.
-
-Both priors are quadratic and diagonal in the cosine basis, so they precondition the normal equations as well.
-"""
+"""What is believed of a window before it is seen: a smooth seafloor, a few objects on it, patches, a steady sonar."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.fft import dctn, idctn
 
 from frontend.arrays import FloatArray
+from frontend.radiometry import Seafloor, Tables
 from frontend.reconstruction.forward import Raster
+from frontend.reconstruction.unknowns import Unknowns, to_cosine
 
 
 class PriorConfig(BaseModel):
-    """How rough a seafloor and how patchy its reflectivity may be."""
+    """How rough and patchy a seafloor may be, what may stand on it, and how steady the sonar is."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     roughness: float = Field(
-        default=0.1, gt=0, description="C of the relief spectrum C k^-4 [1]; 0.03 is 0.8 m rms below 100 m wavelength."
+        default=1.0, gt=0, description="Spectrum of the smooth relief against what the dive's echoes show [1]."
     )
     longest: float = Field(
-        default=40.0,
+        default=100.0,
         gt=0,
         description="Wavelength beyond which relief grows no more [m]; a window sees little of longer.",
     )
     reflectivity: float = Field(
-        default=0.1, gt=0, description="Standard deviation of log-reflectivity [1]; sediments differ less."
+        default=1.0, gt=0, description="Contrast of the reflectivity against what the dive's echoes show [1]."
     )
-    reflectivity_length: float = Field(
-        default=8.0, gt=0, description="Correlation length of reflectivity [m]; sediments change slowly."
+    object_height: float = Field(
+        default=0.05,
+        gt=0,
+        description="Height of an object that is nothing special [cells]; more costs little more.",
+    )
+    object_weight: float = Field(
+        default=0.5, gt=0, description="Cost of a tenfold higher object, over ln 10 [1]; few cells hold any."
+    )
+    beam: float = Field(
+        default=0.05,
+        gt=0,
+        description="Standard deviation [1] of a window's log beam pattern from the dive's.",
+    )
+    beam_length: float = Field(
+        default=0.07, gt=0, description="Angle over which that changes [rad]; patterns are smooth."
+    )
+    gain: float = Field(
+        default=0.02, gt=0, description="Standard deviation [1] of a line's log gain; bubbles and power supplies."
     )
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Precisions of the cosine coefficients of heights and log-reflectivities.
+    """Precisions of the unknowns.
 
     Parameters
     ----------
-    height, reflectivity : ndarray, shape (n_y, n_x)
+    background, reflectivity : ndarray, shape (n_y, n_x)
         Diagonal precisions in the orthonormal cosine basis.
+    object_height : float
+        Scale of the heavy-tailed belief about each cell's object [m].
+    object_weight : float
+        Its weight; ``weight / 2 * log(1 + (height / scale)^2)`` is its cost.
+    beam : ndarray, shape (K, K)
+        Precision of the beam pattern's deviation, the same for both sides.
+    gain : float
+        Precision of a line's log gain.
     """
 
-    height: FloatArray
+    background: FloatArray
     reflectivity: FloatArray
+    object_height: float
+    object_weight: float
+    beam: FloatArray
+    gain: float
 
-    @cached_property
-    def precision(self) -> FloatArray:
-        """Shape (2, n_y, n_x): both, as one array."""
-        return np.stack([self.height, self.reflectivity])
-
-    def apply(self, x: FloatArray) -> FloatArray:
-        """Multiply with the precision.
+    def cost(self, x: Unknowns) -> float:
+        """Negative logarithm of the prior, up to a constant.
 
         Parameters
         ----------
-        x : ndarray, shape (2, n_y, n_x)
-            Heights and log-reflectivities.
+        x : Unknowns
+            A point, as rasters.
 
         Returns
         -------
-        product : ndarray, shape (2, n_y, n_x)
-            Precision times x; half its product with x is the prior's cost.
+        cost : float
+            Zero at the origin.
         """
-        return from_cosine(self.precision * to_cosine(x))
+        objects = 0.5 * self.object_weight * np.log1p((x.objects / self.object_height) ** 2).sum()
+        squares = (self.background * to_cosine(x.background) ** 2).sum()
+        squares += (self.reflectivity * to_cosine(x.log_reflectivity) ** 2).sum()
+        squares += np.vdot(x.beam, x.beam @ self.beam) + self.gain * np.vdot(x.gain, x.gain)
+        return float(objects + 0.5 * squares)
 
+    def gradient(self, x: Unknowns) -> Unknowns:
+        """Gradient of the cost.
 
-def to_cosine(x: FloatArray) -> FloatArray:
-    """Orthonormal cosine coefficients of rasters.
+        Parameters
+        ----------
+        x : Unknowns
+            A point, as rasters.
 
-    Parameters
-    ----------
-    x : ndarray, shape (..., n_y, n_x)
-        Rasters.
+        Returns
+        -------
+        gradient : Unknowns
+            As rasters.
+        """
+        return self.multiply(x.to_coordinates(), self.object_precision(x.objects)).from_coordinates()
 
-    Returns
-    -------
-    coefficients : ndarray, shape (..., n_y, n_x)
-        Their coefficients.
-    """
-    return np.asarray(dctn(x, axes=(-2, -1), norm="ortho"))
+    def object_precision(self, objects: FloatArray) -> FloatArray:
+        """Precision of the Gaussian that touches the heavy-tailed belief from above at some heights.
 
+        Parameters
+        ----------
+        objects : ndarray, shape (n_y, n_x)
+            Heights [m].
 
-def from_cosine(coefficients: FloatArray) -> FloatArray:
-    """Rasters of orthonormal cosine coefficients.
+        Returns
+        -------
+        precision : ndarray, shape (n_y, n_x)
+            The belief's weight where there is nothing, little on an object.
+        """
+        return np.asarray(self.object_weight / (self.object_height**2 + objects**2))
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (..., n_y, n_x)
-        Coefficients.
+    def multiply(self, v: Unknowns, object_precision: FloatArray) -> Unknowns:
+        """Precision times a direction.
 
-    Returns
-    -------
-    x : ndarray, shape (..., n_y, n_x)
-        The rasters.
-    """
-    return np.asarray(idctn(coefficients, axes=(-2, -1), norm="ortho"))
+        Parameters
+        ----------
+        v : Unknowns
+            A direction, as coordinates.
+        object_precision : ndarray, shape (n_y, n_x)
+            From `object_precision`.
+
+        Returns
+        -------
+        product : Unknowns
+            As coordinates.
+        """
+        return Unknowns(
+            self.background * v.background,
+            object_precision * v.objects,
+            self.reflectivity * v.log_reflectivity,
+            v.beam @ self.beam,
+            self.gain * v.gain,
+        )
+
+    def draw(self, object_precision: FloatArray, n_lines: int, rng: np.random.Generator) -> Unknowns:
+        """A random direction whose covariance is the precision.
+
+        Parameters
+        ----------
+        object_precision : ndarray, shape (n_y, n_x)
+            From `object_precision`.
+        n_lines : int
+            Lines of the window.
+        rng : Generator
+            Source of randomness.
+
+        Returns
+        -------
+        draw : Unknowns
+            As coordinates.
+        """
+        rasters = [np.sqrt(p) for p in (self.background, object_precision, self.reflectivity)]
+        background, objects, reflectivity = (root * rng.standard_normal(root.shape) for root in rasters)
+        beam = rng.standard_normal((2, len(self.beam))) @ np.linalg.cholesky(self.beam).T
+        gain = np.sqrt(self.gain) * rng.standard_normal((n_lines, 2))
+        return Unknowns(background, objects, reflectivity, beam, gain)
 
 
 def wavenumbers(raster: Raster) -> tuple[FloatArray, FloatArray]:
@@ -118,29 +186,75 @@ def wavenumbers(raster: Raster) -> tuple[FloatArray, FloatArray]:
     return k2[0][:, None], k2[1][None, :]
 
 
-def make_prior(raster: Raster, config: PriorConfig) -> Prior:
+def relief_spectrum(k2: FloatArray, roughness: float, longest: float) -> FloatArray:
+    """Power spectral density of smooth relief.
+
+    Parameters
+    ----------
+    k2 : ndarray
+        Squared wavenumbers [1/m^2].
+    roughness : float
+        C [1].
+    longest : float
+        Wavelength beyond which it is flat [m].
+
+    Returns
+    -------
+    density : ndarray
+        ``C / (k^2 + k_0^2)^2`` [m^4].
+    """
+    return np.asarray(roughness / (k2 + (2 * np.pi / longest) ** 2) ** 2)
+
+
+def reflectivity_spectrum(k2: FloatArray, deviation: float, length: float) -> FloatArray:
+    """Power spectral density of log-reflectivity: Matern.
+
+    Parameters
+    ----------
+    k2 : ndarray
+        Squared wavenumbers [1/m^2].
+    deviation : float
+        Standard deviation s [1].
+    length : float
+        Correlation length l [m].
+
+    Returns
+    -------
+    density : ndarray
+        ``s^2 4 pi l^2 / (1 + k^2 l^2)^2`` [m^2].
+    """
+    return np.asarray(deviation**2 * 4 * np.pi * length**2 / (1 + k2 * length**2) ** 2)
+
+
+def make_prior(raster: Raster, tables: Tables, seafloor: Seafloor, config: PriorConfig) -> Prior:
     """The prior on a grid; the same belief at every spacing.
 
     Parameters
     ----------
     raster : Raster
         The grid.
+    tables : Tables
+        Say where the knots of the beam pattern are.
+    seafloor : Seafloor
+        How rough and patchy the dive's floor is.
     config : PriorConfig
         The belief.
 
     Returns
     -------
     prior : Prior
-        Diagonal precisions.
-
-    Notes
-    -----
-    Relief has the spectrum ``C / (k^2 + k_0^2)^2``: a power law down to the longest wavelength. Reflectivity has a
-    Matern spectrum, ``s^2 4 pi l^2 / (1 + k^2 l^2)^2``.
+        Precisions.
     """
     k2_y, k2_x = wavenumbers(raster)
     k2, area = k2_y + k2_x, raster.spacing**2
-    height = area * (k2 + (2 * np.pi / config.longest) ** 2) ** 2 / config.roughness
-    length2 = config.reflectivity_length**2
-    reflectivity = area * (1 + k2 * length2) ** 2 / (config.reflectivity**2 * 4 * np.pi * length2)
-    return Prior(height, reflectivity)
+    deviation = config.reflectivity * seafloor.reflectivity
+    angle = tables.angle_step * np.arange(tables.log_beam.shape[1])
+    covariance = np.exp(-0.5 * ((angle[:, None] - angle) / config.beam_length) ** 2) + 1e-4 * np.eye(len(angle))
+    return Prior(
+        area / relief_spectrum(k2, config.roughness * seafloor.roughness, config.longest),
+        area / reflectivity_spectrum(k2, deviation, seafloor.length),
+        config.object_height * raster.spacing,
+        config.object_weight,
+        np.asarray(np.linalg.inv(covariance) / config.beam**2),
+        1.0 / config.gain**2,
+    )

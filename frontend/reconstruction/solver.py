@@ -1,13 +1,15 @@
 """Gauss-Newton with preconditioned conjugate gradients: few evaluations, bounded steps, a cost that only falls."""
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
-from frontend.reconstruction.posterior import NormalEquations, Posterior
-from frontend.reconstruction.priors import from_cosine, to_cosine
+from frontend.reconstruction.normal_equations import NormalEquations
+from frontend.reconstruction.posterior import Posterior
+from frontend.reconstruction.unknowns import Unknowns
 
 
 class SolverConfig(BaseModel):
@@ -15,11 +17,9 @@ class SolverConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    n_steps: int = Field(
-        default=3, ge=1, description="Gauss-Newton steps [1] at each resolution, at most; more fit speckle."
-    )
+    n_steps: int = Field(default=3, ge=1, description="Gauss-Newton steps [1] at each resolution, at most.")
     n_products: int = Field(
-        default=10, ge=1, description="Conjugate-gradient products a step [1], at most; the next step mends the rest."
+        default=12, ge=1, description="Conjugate-gradient products a step [1], at most; the next step mends the rest."
     )
     tolerance: float = Field(
         default=0.05,
@@ -33,6 +33,9 @@ class SolverConfig(BaseModel):
     step_height: float = Field(
         default=0.75, gt=0, description="Largest change of a height in one step [cells]; visibility changes."
     )
+    deadline: float = Field(
+        default=3600.0, gt=0, description="Time a window may take [s]; what is known by then is given back."
+    )
 
 
 @dataclass(frozen=True)
@@ -41,30 +44,32 @@ class Solution:
 
     Parameters
     ----------
-    x : ndarray, shape (2, n_y, n_x)
-        Heights [m] and log-reflectivities.
+    x : Unknowns
+        As rasters.
     mu : ndarray, shape (P, 2, B)
         Expected intensities there.
     costs : tuple of float
         Cost at the start and after every accepted step; never rising.
     """
 
-    x: FloatArray
+    x: Unknowns
     mu: FloatArray
     costs: tuple[float, ...]
 
 
-def minimise(posterior: Posterior, x: FloatArray, config: SolverConfig) -> Solution:
-    """Make the cost of a posterior small.
+def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: float = np.inf) -> Solution:
+    """Make the cost of a posterior small, as long as the echoes kept aside agree.
 
     Parameters
     ----------
     posterior : Posterior
         The cost.
-    x : ndarray, shape (2, n_y, n_x)
+    x : Unknowns
         Where to start.
     config : SolverConfig
         When to stop.
+    until : float
+        Time of the monotonic clock at which to stop after the step under way [s].
 
     Returns
     -------
@@ -72,13 +77,12 @@ def minimise(posterior: Posterior, x: FloatArray, config: SolverConfig) -> Solut
         The best state seen; never worse than the start.
     """
     mu = posterior.predict(x)
-    costs = [posterior.cost(x, mu)]
+    costs, aside = [posterior.cost(x, mu)], posterior.held_out_cost(mu)
     for _ in range(config.n_steps):
-        equations = posterior.curvature(x, mu)
-        step = -from_cosine(solve(equations, to_cosine(posterior.gradient(x, mu)), config))
-        step *= min(1.0, config.step_height * posterior.raster.spacing / max(float(np.abs(step[0]).max()), 1e-12))
-        found = _backtrack(posterior, x, step, costs[-1])
-        if found is None:
+        if time.monotonic() >= until:
+            break
+        found = _backtrack(posterior, x, _step(posterior, x, mu, config), costs[-1])
+        if found is None or posterior.held_out_cost(found[1]) > aside:
             break
         x, mu, cost = found
         costs.append(cost)
@@ -87,49 +91,55 @@ def minimise(posterior: Posterior, x: FloatArray, config: SolverConfig) -> Solut
     return Solution(x, mu, tuple(costs))
 
 
-def solve(equations: NormalEquations, right: FloatArray, config: SolverConfig) -> FloatArray:
+def _step(posterior: Posterior, x: Unknowns, mu: FloatArray, config: SolverConfig) -> Unknowns:
+    """A Gauss-Newton step, shortened where it would change heights by too much."""
+    gradient = posterior.gradient(x, mu).to_coordinates()
+    step = solve(posterior.curvature(x, mu), gradient, config).from_coordinates()
+    highest = float(np.abs(step.background + step.objects).max())
+    return step.times(-min(1.0, config.step_height * posterior.raster.spacing / max(highest, 1e-12)))
+
+
+def solve(equations: NormalEquations, right: Unknowns, config: SolverConfig) -> Unknowns:
     """Solve the normal equations by preconditioned conjugate gradients.
 
     Parameters
     ----------
     equations : NormalEquations
         Curvature and preconditioner.
-    right : ndarray, shape (2, n_y, n_x)
-        Cosine coefficients of the right-hand side.
+    right : Unknowns
+        The right-hand side, as coordinates.
     config : SolverConfig
         When to stop.
 
     Returns
     -------
-    x : ndarray, shape (2, n_y, n_x)
-        Cosine coefficients of an approximate solution; a descent direction wherever it stops.
+    x : Unknowns
+        An approximate solution, as coordinates; a descent direction wherever it stops.
     """
-    x, residual = np.zeros_like(right), right.copy()
-    z = equations.precondition(residual)
-    direction, energy = z.copy(), float((residual * z).sum())
-    start = energy
+    x, residual = right.times(0.0), right
+    direction = z = equations.precondition(residual)
+    start = energy = residual.dot(z)
     for _ in range(config.n_products if start > 0 else 0):
         product = equations.multiply(direction)
-        length = energy / float((direction * product).sum())
-        x += length * direction
-        residual -= length * product
+        length = energy / direction.dot(product)
+        x, residual = x.plus(direction, length), residual.plus(product, -length)
         z = equations.precondition(residual)
-        energy, before = float((residual * z).sum()), energy
+        energy, before = residual.dot(z), energy
         if energy <= config.tolerance**2 * start:
             break
-        direction = z + (energy / before) * direction
+        direction = z.plus(direction, energy / before)
     return x
 
 
 def _backtrack(
-    posterior: Posterior, x: FloatArray, step: FloatArray, cost: float
-) -> tuple[FloatArray, FloatArray, float] | None:
+    posterior: Posterior, x: Unknowns, step: Unknowns, cost: float
+) -> tuple[Unknowns, FloatArray, float] | None:
     """The longest of a few shortened steps that lowers the cost; visibility may make the full one too long."""
     for _ in range(5):
-        trial = x + step
+        trial = x.plus(step)
         mu = posterior.predict(trial)
         after = posterior.cost(trial, mu)
         if np.isfinite(after) and after < cost:
             return trial, mu, after
-        step = step * 0.4
+        step = step.times(0.4)
     return None

@@ -15,6 +15,7 @@ from frontend.reconstruction.forward import Beams, Bins, Raster
 from frontend.recording import Recording
 from frontend.windows import Window
 
+_SOUND_SPEED = 1500.0  # where none is recorded [m/s]
 _MOST_CELLS = 2e7  # some 10 GB of work; a window of 100 m at 3 cm has half of it
 
 
@@ -38,6 +39,8 @@ class WindowData:
         Height above the seafloor [m].
     first_bottom_return : ndarray, shape (P, 2)
         Slant range of the first echo [m].
+    advance, turn : ndarray, shape (P,)
+        Distance run [1] and angle turned [rad/m] in half the time of a metre of slant range, there and back.
     """
 
     T_world_submap: FloatArray
@@ -48,6 +51,8 @@ class WindowData:
     sample_spacing: FloatArray
     altitude: FloatArray
     first_bottom_return: FloatArray
+    advance: FloatArray
+    turn: FloatArray
 
     @property
     def slant_range_max(self) -> float:
@@ -103,6 +108,9 @@ def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry
     T_world_submap = level(T_world_body)
     T_submap_world = invert(T_world_submap)
     echoes = np.stack([recording.port[pings], recording.starboard[pings]], axis=1)
+    speed, turn_rate = _rates(poses, recording.ping_time[pings])
+    sound_speed = recording.sound_speed[pings]
+    sound_speed = np.where(np.isfinite(sound_speed), sound_speed, _SOUND_SPEED)
     return WindowData(
         T_world_submap,
         T_submap_world @ T_world_body,
@@ -112,7 +120,21 @@ def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry
         recording.sample_spacing[pings],
         bottom.altitude[pings],
         bottom.first_bottom_return[pings],
+        speed / sound_speed,
+        turn_rate / sound_speed,
     )
+
+
+def _rates(poses: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Speed over ground along the heading and turn rate to port, of each ping, over about half a second."""
+    if len(poses) < 2:
+        return np.zeros(len(poses)), np.zeros(len(poses))
+    reach = max(1, round(0.25 / float(np.median(np.diff(time)))))
+    low, high = np.maximum(np.arange(len(time)) - reach, 0), np.minimum(np.arange(len(time)) + reach, len(time) - 1)
+    span = time[high] - time[low]
+    heading = np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    step = ((poses[high, :2, 3] - poses[low, :2, 3]) * poses[:, :2, 0]).sum(axis=1)
+    return step / span, (heading[high] - heading[low]) / span
 
 
 def raster_of(data: WindowData, spacing: float) -> Raster:
@@ -184,7 +206,8 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     blur = model.blur * _level_beyond(mean, counts)
     rotation = data.T_submap_pings[middle, :3, :3]
     side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
-    beams = Beams(data.sensors[middle], rotation[:, :, 0], side, rotation[:, :, 2])
+    axes = (rotation[:, :, 0], side, rotation[:, :, 2])
+    beams = Beams(data.sensors[middle], *axes, data.advance[middle], data.turn[middle])
     return beams, Bins(mean + blur, effective, model.noise[:, None] + blur, width)
 
 
@@ -195,16 +218,22 @@ def _level_beyond(mean: FloatArray, counts: FloatArray) -> FloatArray:
     return np.asarray(np.maximum.accumulate(profile[:, ::-1], axis=1)[:, ::-1])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _multilook(intensity, spacing, blanking, group, width, sums, counts):  # type: ignore[no-untyped-def]
-    """Sum samples into slant-range bins; what lies before the water column's clean part says nothing."""
+    """Share samples between the two nearest slant-range bins, as the forward model does; leave ringing out."""
     for line in range(sums.shape[0]):
         for ping in range(line * group, (line + 1) * group):
             for side in range(2):
                 for k in range(intensity.shape[2]):
                     r = (k + 0.5) * spacing[ping]
                     value = intensity[ping, side, k]
-                    b = int(r / width)
-                    if r > blanking[ping, side] and np.isfinite(value) and b < sums.shape[2]:
-                        sums[line, side, b] += value
-                        counts[line, side, b] += 1.0
+                    if not (r > blanking[ping, side] and np.isfinite(value)):
+                        continue
+                    b = int(np.floor(r / width - 0.5))
+                    far = r / width - 0.5 - b
+                    if b >= 0:
+                        sums[line, side, b] += (1 - far) * value
+                        counts[line, side, b] += 1 - far
+                    if b + 1 < sums.shape[2]:
+                        sums[line, side, b + 1] += far * value
+                        counts[line, side, b + 1] += far

@@ -1,15 +1,18 @@
 """A few lines over a small surface: cheap enough to differentiate by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_array
 
 from frontend.arrays import FloatArray
 from frontend.frames import rotation_world_body
-from frontend.radiometry import Tables
-from frontend.reconstruction.forward import Beams, Bins, Raster, render
+from frontend.radiometry import Seafloor, Tables
+from frontend.reconstruction.forward import Beams, Bins, Raster
 from frontend.reconstruction.posterior import Altimeter, Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior
+from frontend.reconstruction.unknowns import Unknowns, nothing
 
 
 def make_tables() -> Tables:
@@ -30,7 +33,8 @@ def make_scene(pitch: float = 0.0, relief: float = 0.5) -> tuple[FloatArray, Flo
     rotation = rotation_world_body(rng.normal(0, 0.08, n), np.full(n, pitch), rng.normal(0, 0.1, n))
     sensor = np.repeat(np.stack([np.linspace(2, 18, n), np.zeros(n), np.zeros(n)], axis=1)[:, None], 2, axis=1)
     side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
-    beams = Beams(sensor, rotation[:, :, 0], side, rotation[:, :, 2])
+    under_way = (np.full(n, 1e-3), np.linspace(-5e-5, 5e-5, n))  # 1.5 m/s, up to 4 degrees a second
+    beams = Beams(sensor, rotation[:, :, 0], side, rotation[:, :, 2], *under_way)
     bins = Bins(np.ones((n, 2, 60)), np.ones((n, 2, 60)), np.full((2, 60), 1e-7), 0.5)
     return z, rho, raster, beams, bins
 
@@ -43,13 +47,35 @@ def make_altimeter(raster: Raster) -> Altimeter:
     return Altimeter(weights, np.array([-11.8, -12.1, -12.0, -12.3]), np.array([4.0, 8.0, 4.0, 2.0]))
 
 
-def make_posterior(looks: float = 4.0, tail: float = 20.0, relief: float = 0.1) -> tuple[Posterior, FloatArray]:
-    """A posterior whose echoes were drawn with so many looks from the state that comes with it."""
+def make_posterior(looks: float = 4.0, tail: float = 20.0, relief: float = 0.1) -> tuple[Posterior, Unknowns]:
+    """A posterior whose echoes were drawn with so many looks from the unknowns that come with it."""
     z, rho, raster, beams, bins = make_scene(relief=relief)
-    tables, state = make_tables(), np.stack([z, rho])
-    mu = render(z, rho, raster, beams, tables, bins)
-    echoes = mu * np.random.default_rng(5).gamma(max(looks, 1.0), 1 / max(looks, 1.0), mu.shape)
-    seen = Bins(echoes, np.full(mu.shape, looks), bins.floor, bins.width)
-    expected = np.stack([np.full(raster.shape, -12.0), np.zeros(raster.shape)])
-    prior = make_prior(raster, PriorConfig())
-    return Posterior(raster, beams, tables, seen, prior, expected, make_altimeter(raster), tail), state
+    tables, rng = make_tables(), np.random.default_rng(5)
+    boulders = np.where(rng.uniform(size=z.shape) < 0.01, 0.4, 0.0)
+    beam, gain = 0.03 * np.sin(0.3 * np.arange(61)) * np.array([[1.0], [-1.0]]), rng.normal(0, 0.02, (6, 2))
+    x = Unknowns(z + 12.0, boulders, rho, beam, gain)
+    expected, aside = np.full(raster.shape, -12.0), np.zeros(bins.looks.shape)
+    prior = make_prior(raster, tables, Seafloor(0.1, 0.1, 8.0), PriorConfig())
+    empty = Posterior(raster, beams, tables, bins, prior, expected, make_altimeter(raster), tail, aside)
+    mu = empty.predict(x)
+    echoes = mu * rng.gamma(max(looks, 1.0), 1 / max(looks, 1.0), mu.shape)
+    return replace(empty, bins=replace(bins, intensity=echoes, looks=np.full(mu.shape, looks))), x
+
+
+def make_direction(posterior: Posterior, rng: np.random.Generator) -> Unknowns:
+    """A random direction as coordinates, each part about as long as belief lets it be."""
+    prior, origin = posterior.prior, posterior.origin()
+    parts = prior.draw(prior.object_precision(origin.objects), len(origin.gain), rng)
+    covariance = np.linalg.inv(prior.beam)
+    return Unknowns(
+        parts.background / prior.background,
+        parts.objects / prior.object_precision(origin.objects),
+        parts.log_reflectivity / prior.reflectivity,
+        parts.beam @ covariance,
+        parts.gain / prior.gain,
+    )
+
+
+def only(name: str, x: Unknowns) -> Unknowns:
+    """One part of a direction, the others zero."""
+    return replace(nothing(x.background.shape, x.beam.shape[1], len(x.gain)), **{name: getattr(x, name)})

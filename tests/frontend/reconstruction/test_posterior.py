@@ -1,17 +1,18 @@
-"""The cost by hand, its gradient by differences, its curvature by differences of gradients and by Monte Carlo."""
+"""The cost by hand, and its gradient by differences."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from frontend.arrays import FloatArray
 from frontend.reconstruction.posterior import Posterior
-from frontend.reconstruction.priors import from_cosine, to_cosine
-from tests.frontend.reconstruction.small_window import make_posterior
+from frontend.reconstruction.unknowns import Unknowns
+from tests.frontend.reconstruction.small_window import make_direction, make_posterior, only
+
+PARTS = ["background", "objects", "log_reflectivity", "beam", "gain"]
 
 
-def at(posterior: Posterior, x: FloatArray) -> tuple[float, FloatArray]:
+def at(posterior: Posterior, x: Unknowns) -> tuple[float, Unknowns]:
     """Cost and gradient at a state."""
     mu = posterior.predict(x)
     return posterior.cost(x, mu), posterior.gradient(x, mu)
@@ -21,50 +22,51 @@ def without_echoes(posterior: Posterior) -> Posterior:
     return replace(posterior, bins=replace(posterior.bins, looks=np.zeros_like(posterior.bins.looks)))
 
 
-def without_belief(posterior: Posterior) -> Posterior:
-    nothing = np.zeros(posterior.raster.shape)
-    return replace(posterior, prior=replace(posterior.prior, height=nothing, reflectivity=nothing))
-
-
-@pytest.mark.parametrize(
-    "part", [lambda p: p, without_echoes, without_belief], ids=["all", "altimeter and prior", "echoes and altimeter"]
-)
-@pytest.mark.parametrize("unknown", [0, 1], ids=["height", "reflectivity"])
-def test_gradient_equals_finite_differences(part, unknown: int) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("echoes", [lambda p: p, without_echoes], ids=["all", "altimeter and prior"])
+@pytest.mark.parametrize("part", PARTS)
+def test_gradient_equals_finite_differences(echoes, part: str) -> None:  # type: ignore[no-untyped-def]
     posterior, x = make_posterior()
-    posterior = part(posterior)
-    rng = np.random.default_rng(unknown)
-    gradient = at(posterior, x)[1]
+    posterior, rng = echoes(posterior), np.random.default_rng(3)
+    gradient, missed = at(posterior, x)[1], []
+    for _ in range(8):
+        direction = only(part, make_direction(posterior, rng).from_coordinates()).times(1e-6)
+        up, down = (at(posterior, x.plus(direction, sign))[0] for sign in (1.0, -1.0))
+        missed.append(abs(gradient.dot(direction) / (0.5 * (up - down)) - 1))
+    # the sharing of samples among bins has kinks, and now and then a sample comes in sight
+    assert np.median(missed) < 1e-3
+
+
+@pytest.mark.parametrize("part", ["log_reflectivity", "beam", "gain"])
+def test_gradient_of_what_moves_no_sample_is_exact(part: str) -> None:
+    posterior, x = make_posterior()
+    gradient, rng = at(posterior, x)[1], np.random.default_rng(3)
     for _ in range(5):
-        direction = np.zeros_like(x)
-        direction[unknown] = rng.standard_normal(x[unknown].shape)
-        h = 1e-6
-        up, down = (at(posterior, x + sign * h * direction)[0] for sign in (1, -1))
-        # all samples stay in sight of this relief. A step of 1 um carries a few of 5000 samples over a bin's
-        # middle, where the linear sharing has a kink
-        assert (gradient * direction).sum() == pytest.approx((up - down) / (2 * h), rel=1e-3)
+        direction = only(part, make_direction(posterior, rng).from_coordinates()).times(1e-4)
+        up, down = (at(posterior, x.plus(direction, sign))[0] for sign in (1.0, -1.0))
+        assert gradient.dot(direction) == pytest.approx(0.5 * (up - down), rel=1e-6, abs=1e-9)
 
 
 def test_cost_without_echoes_is_that_of_altimeter_and_prior_by_hand() -> None:
     posterior, _ = make_posterior()
     posterior = without_echoes(posterior)
-    x = posterior.expected.copy()
-    x[0] += 0.5  # half a metre above what is expected everywhere
+    x = posterior.origin()
+    x.background[:] = 0.5  # half a metre above what is expected everywhere
+    x.objects[3, 4] = 0.1
     miss = -11.5 - posterior.altimeter.height
     altimeter = 0.5 * (posterior.altimeter.precision * miss**2).sum()
-    belief = 0.5 * 0.5**2 * posterior.prior.height[0, 0] * posterior.raster.n_cells
-    assert at(posterior, x)[0] == pytest.approx(altimeter + belief)
+    background = 0.5 * 0.5**2 * posterior.prior.background[0, 0] * posterior.raster.n_cells
+    objects = 0.5 * 0.5 * np.log(1 + (0.1 / 0.05) ** 2)
+    assert at(posterior, x)[0] == pytest.approx(altimeter + background + objects)
 
 
 def test_echoes_cost_the_gamma_likelihood_against_the_best_they_could() -> None:
     posterior, x = make_posterior(looks=4.0, tail=1e12)
     mu = posterior.predict(x)
-    quiet = without_echoes(posterior)
     likelihood = 4.0 * (np.log(mu) + posterior.bins.intensity / mu)
     best = 4.0 * (np.log(posterior.bins.intensity) + 1)
     expected = (likelihood - best).sum()
     # ten digits are lost in log1p of a deviance over a tail of 1e12
-    assert posterior.cost(x, mu) - quiet.cost(x, mu) == pytest.approx(expected, rel=1e-3)
+    assert posterior.cost(x, mu) - without_echoes(posterior).cost(x, mu) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_bin_at_the_tails_deviance_counts_half() -> None:
@@ -95,7 +97,8 @@ def test_bins_without_looks_say_nothing() -> None:
     quiet = without_echoes(posterior)
     loud = replace(quiet, bins=replace(quiet.bins, intensity=quiet.bins.intensity * 1e3))
     assert at(quiet, x)[0] == at(loud, x)[0]
-    np.testing.assert_array_equal(at(quiet, x)[1], at(loud, x)[1])
+    for a, b in zip(at(quiet, x)[1], at(loud, x)[1], strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_silence_in_a_bin_has_a_finite_cost() -> None:
@@ -103,50 +106,19 @@ def test_silence_in_a_bin_has_a_finite_cost() -> None:
     silent = replace(posterior, bins=replace(posterior.bins, intensity=np.zeros_like(posterior.bins.intensity)))
     cost, gradient = at(silent, x)
     assert np.isfinite(cost)
-    assert np.isfinite(gradient).all()
+    assert all(np.isfinite(part).all() for part in gradient)
 
 
-def test_curvature_is_the_second_derivative_where_echoes_are_as_expected() -> None:
+def test_echoes_kept_aside_are_no_part_of_the_cost_and_cost_the_same() -> None:
     posterior, x = make_posterior()
-    posterior = replace(posterior, bins=replace(posterior.bins, intensity=posterior.predict(x)))
-    equations = posterior.curvature(x, posterior.predict(x))
-    rng, h = np.random.default_rng(4), 1e-5
-    for _ in range(3):
-        direction = from_cosine(rng.standard_normal(x.shape) / np.sqrt(posterior.prior.precision))
-        up, down = (at(posterior, x + sign * h * direction)[1] for sign in (1, -1))
-        second = (up - down) / (2 * h)
-        product = from_cosine(equations.multiply(to_cosine(direction)))
-        # rows in single precision, kinks of the sharing
-        np.testing.assert_allclose(product, second, atol=2e-3 * np.abs(second).max())
+    aside = replace(without_echoes(posterior), held_out=posterior.bins.looks)
+    mu = posterior.predict(x)
+    assert posterior.cost(x, mu) == pytest.approx(aside.cost(x, mu) + aside.held_out_cost(mu))
+    assert posterior.held_out_cost(mu) == 0.0
 
 
-def test_curvature_is_symmetric_and_positive() -> None:
+def test_a_gain_of_a_line_is_heard_over_the_floor_only() -> None:
     posterior, x = make_posterior()
-    equations = posterior.curvature(x, posterior.predict(x))
-    rng = np.random.default_rng(5)
-    for _ in range(10):
-        v, w = rng.standard_normal((2, *x.shape))
-        assert (v * equations.multiply(w)).sum() == pytest.approx((w * equations.multiply(v)).sum(), rel=1e-9)
-        assert (v * equations.multiply(v)).sum() > 0
-        assert (v * equations.precondition(v)).sum() > 0
-
-
-def test_draws_have_the_curvature_as_covariance() -> None:
-    posterior, x = make_posterior()
-    equations = posterior.curvature(x, posterior.predict(x))
-    rng, n = np.random.default_rng(6), 400
-    directions = rng.standard_normal((6, *x.shape)) / np.sqrt(posterior.prior.precision)
-    draws = np.stack([equations.draw(rng) for _ in range(n)])
-    for direction in directions:
-        expected = (direction * equations.multiply(direction)).sum()
-        found = ((draws * direction).sum(axis=(1, 2, 3)) ** 2).mean()
-        assert found == pytest.approx(expected, rel=4 * np.sqrt(2 / n))  # four sigmas of a variance of n draws
-
-
-def test_the_preconditioner_is_the_inverse_without_echoes_and_altimeter() -> None:
-    posterior, x = make_posterior()
-    altimeter = replace(posterior.altimeter, precision=np.zeros(4))
-    posterior = replace(without_echoes(posterior), altimeter=altimeter)
-    equations = posterior.curvature(x, posterior.predict(x))
-    v = np.random.default_rng(7).standard_normal(x.shape)
-    np.testing.assert_allclose(equations.precondition(equations.multiply(v)), v, atol=1e-9)
+    louder = replace(x, gain=x.gain + np.log(2.0))
+    floor = posterior.bins.floor
+    np.testing.assert_allclose(posterior.predict(louder) - floor, 2 * (posterior.predict(x) - floor), atol=1e-20)

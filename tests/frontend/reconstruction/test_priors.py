@@ -1,5 +1,7 @@
 """Beliefs about relief and reflectivity: their spectra, and that they are the same on every grid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,14 +9,21 @@ from hypothesis import strategies as st
 from scipy.fft import dct
 
 from frontend.arrays import FloatArray
+from frontend.radiometry import Seafloor
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.priors import PriorConfig, from_cosine, make_prior, to_cosine, wavenumbers
+from frontend.reconstruction.priors import Prior, PriorConfig, make_prior, wavenumbers
+from frontend.reconstruction.unknowns import Unknowns, from_cosine, nothing, to_cosine
+from tests.frontend.reconstruction.small_window import make_tables
 
-CONFIG = PriorConfig()
+CONFIG, FLOOR = PriorConfig(), Seafloor(roughness=0.01, reflectivity=0.1, length=8.0)
 
 
 def raster(n: int = 64, spacing: float = 1.0) -> Raster:
     return Raster(n, n, spacing, (0.0, 0.0))
+
+
+def prior_on(grid: Raster) -> Prior:
+    return make_prior(grid, make_tables(), FLOOR, CONFIG)
 
 
 def cosine_basis(n: int) -> FloatArray:
@@ -44,23 +53,70 @@ def test_wavenumbers_are_the_eigenvalues_of_the_second_difference() -> None:
 
 def test_precision_times_covariance_is_one() -> None:
     grid = Raster(9, 7, 1.0, (0.0, 0.0))
-    prior = make_prior(grid, CONFIG)
+    prior = prior_on(grid)
     basis = np.kron(cosine_basis(9), cosine_basis(7))  # rows: basis functions on the raveled raster
-    for k, precision in enumerate((prior.height, prior.reflectivity)):
+    for name, precision in (("background", prior.background), ("log_reflectivity", prior.reflectivity)):
         covariance = basis.T @ np.diag(1 / precision.ravel()) @ basis
         applied = []
         for cell in np.eye(grid.n_cells):
-            x = np.zeros((2, *grid.shape))
-            x[k] = (covariance @ cell).reshape(grid.shape)
-            applied.append(prior.apply(x)[k].ravel())
-        np.testing.assert_allclose(applied, np.eye(grid.n_cells), atol=1e-9)  # condition number 1e4
+            x = nothing(grid.shape, 61, 3)
+            getattr(x, name)[:] = (covariance @ cell).reshape(grid.shape)
+            applied.append(getattr(prior.gradient(x), name).ravel())
+        np.testing.assert_allclose(applied, np.eye(grid.n_cells), atol=1e-8)  # condition number 1e5
+
+
+def random(grid: Raster, seed: int) -> Unknowns:
+    rng = np.random.default_rng(seed)
+    sizes = [grid.shape] * 3 + [(2, 61), (4, 2)]
+    return Unknowns(*(rng.standard_normal(size) for size in sizes))
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_every_surface_that_is_not_expected_costs_something(seed: int) -> None:
-    prior = make_prior(raster(8), CONFIG)
-    x = np.random.default_rng(seed).standard_normal((2, 8, 8))
-    assert (x * prior.apply(x)).sum() > 0
+def test_everything_that_is_not_expected_costs_something(seed: int) -> None:
+    grid = raster(8)
+    prior, x = prior_on(grid), random(grid, seed)
+    assert prior.cost(x) > 0
+    assert prior.gradient(x).dot(x) > 0
+    assert prior.cost(x.times(0.0)) == 0.0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_gradient_of_the_belief_equals_finite_differences(seed: int) -> None:
+    grid = raster(8)
+    prior, x, step = prior_on(grid), random(grid, seed).times(0.1), random(grid, seed + 1).times(1e-5)
+    up, down = (prior.cost(x.plus(step, sign)) for sign in (1.0, -1.0))
+    assert prior.gradient(x).dot(step) == pytest.approx((up - down) / 2, rel=1e-4, abs=1e-7)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_the_gaussian_touches_the_belief_in_objects_from_above(here: float, there: float) -> None:
+    prior = prior_on(raster(4))
+    cost = 0.25 * np.log1p(np.array([here, there, 0.0]) ** 2 / prior.object_height**2)
+    precision = prior.object_precision(np.array([here]))[0]
+    above = cost[0] + 0.5 * precision * (there**2 - here**2)
+    assert above >= cost[1] - 1e-9
+
+
+def test_an_object_ten_times_as_high_costs_the_weight_times_a_logarithm() -> None:
+    grid = raster(8)
+    prior, low, high = prior_on(grid), nothing(grid.shape, 61, 3), nothing(grid.shape, 61, 3)
+    low.objects[2, 2], high.objects[2, 2] = 0.5, 5.0
+    # far above the scale of 0.05 m
+    assert prior.cost(high) - prior.cost(low) == pytest.approx(0.5 * np.log(10.0), rel=0.01)
+
+
+def test_settings_are_factors_on_what_the_dive_says() -> None:
+    grid, told = raster(8), PriorConfig(roughness=2.0, reflectivity=2.0)
+    prior = make_prior(grid, make_tables(), FLOOR, told)
+    np.testing.assert_allclose(prior.background, prior_on(grid).background / 2)
+    np.testing.assert_allclose(prior.reflectivity, prior_on(grid).reflectivity / 4)
+
+
+def test_neighbouring_knots_of_the_beam_deviate_together() -> None:
+    covariance = np.linalg.inv(prior_on(raster(8)).beam)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), CONFIG.beam, rtol=1e-3)
+    # two knots are 0.07 rad apart, the length
+    assert covariance[20, 22] / covariance[20, 20] == pytest.approx(np.exp(-0.5), rel=1e-3)
 
 
 def wave(grid: Raster, wavelength: float) -> FloatArray:
@@ -69,10 +125,9 @@ def wave(grid: Raster, wavelength: float) -> FloatArray:
 
 
 def cost(grid: Raster, x: FloatArray) -> FloatArray:
-    """Half a square by the prior, of heights and of log-reflectivities."""
-    prior = make_prior(grid, CONFIG)
-    both = np.stack([x, x])
-    return np.asarray(0.5 * (both * prior.apply(both)).sum(axis=(1, 2)))
+    """What a raster costs as background and as log-reflectivity."""
+    prior, zero = prior_on(grid), nothing(grid.shape, 61, 3)
+    return np.array([prior.cost(replace(zero, background=x)), prior.cost(replace(zero, log_reflectivity=x))])
 
 
 @pytest.mark.parametrize("wavelength", [16.0, 32.0, 64.0])
@@ -87,22 +142,16 @@ def test_relief_has_the_power_spectrum_of_the_notes() -> None:
     k2 = (2 * np.pi / wavelength) ** 2
     k2_longest = (2 * np.pi / CONFIG.longest) ** 2
     # a cosine of amplitude 1 holds half an area; its precision is one over the spectrum
-    expected = 0.5 * 0.5 * 128.0**2 * (k2 + k2_longest) ** 2 / CONFIG.roughness
+    expected = 0.5 * 0.5 * 128.0**2 * (k2 + k2_longest) ** 2 / FLOOR.roughness
     assert cost(grid, wave(grid, wavelength))[0] == pytest.approx(expected, rel=0.02)
 
 
 def test_reflectivity_varies_by_its_standard_deviation_at_a_place() -> None:
     grid = raster(256)
-    prior = make_prior(grid, CONFIG)
+    prior = prior_on(grid)
     draw = from_cosine(np.random.default_rng(3).standard_normal(grid.shape) / np.sqrt(prior.reflectivity))
     # 256^2 m^2 hold some 80 independent patches of 2 pi (8 m)^2 each way: sd of the variance 10 %
-    assert draw.std() == pytest.approx(CONFIG.reflectivity, rel=0.15)
+    assert draw.std() == pytest.approx(FLOOR.reflectivity, rel=0.15)
     apart = np.corrcoef(draw[:, :-8].ravel(), draw[:, 8:].ravel())[0, 1]
     # a Matern field of smoothness 1 has correlation K_1(1) = 0.60 at its length
     assert apart == pytest.approx(0.60, abs=0.1)
-
-
-def test_both_precisions_as_one_array() -> None:
-    prior = make_prior(raster(6), CONFIG)
-    np.testing.assert_array_equal(prior.precision[0], prior.height)
-    np.testing.assert_array_equal(prior.precision[1], prior.reflectivity)

@@ -112,12 +112,13 @@ def test_looks_add_up_to_the_most_a_bin_may_count() -> None:
 
 def test_samples_that_are_missing_do_not_count() -> None:
     recording = make_recording()
-    recording.port[:, 200:203] = np.nan  # three of the five samples of bin 40
+    # bin 40 has its middle at 20.25 m; samples 0.1 m apart weigh 0.6, 0.8, 1, 0.8, 0.6, their neighbours the rest of 5
+    recording.port[:, 200:203] = np.nan
     recording.starboard[:, 200:205] = np.nan
     _, bins = beams_and_bins(make_data(recording), 0.5, 2, MODEL)
     np.testing.assert_allclose(bins.intensity[:, 0, 40], 4.0)
-    np.testing.assert_allclose(bins.looks[:, :, 40], np.tile([1 / (1 / 4 + 1 / 6), 0.0], (4, 1)))
-    np.testing.assert_array_equal(bins.looks[:, 1, 39], bins.looks[:, 0, 39])
+    np.testing.assert_allclose(bins.looks[:, :, 40], np.tile([1 / (1 / 5.2 + 1 / 6), 1 / (1 / 2.4 + 1 / 6)], (4, 1)))
+    np.testing.assert_array_equal(bins.looks[:, 1, 38], bins.looks[:, 0, 38])
     assert np.isfinite(bins.intensity).all()
 
 
