@@ -63,3 +63,25 @@ def test_a_cut_file_gives_its_whole_pings_or_one_line(tmp_path, wreck):
         assert (done.returncode, bool(done.stderr)) in ((0, False), (1, True)), done.stderr
         assert "Traceback" not in done.stderr
         assert len(done.stderr.splitlines()) <= 1
+
+
+def test_a_dead_reckoned_dive_is_judged_by_its_recorded_positions(tmp_path, wreck):
+    out = tmp_path / "out"
+    done = sssslam("run", wreck, "-o", out, "--navigation", "dead-reckoned")
+    assert done.returncode == 0, done.stderr
+    assert "positions are rebuilt from heading and speed" in done.stdout
+    ate = next(line for line in done.stdout.splitlines() if line.startswith("ate_dr"))
+    # a magnetic heading turns the whole track, which ATE does not see; held speed and jitter of fixes are left of 55 m
+    assert 0.1 < float(ate.split()[1]) < 2.0
+    assert (out / "trajectory_ref.tum").read_bytes() != (out / "trajectory_dr.tum").read_bytes()
+    again = sssslam("evaluate", out, "--reference", out / "trajectory_ref.tum")
+    assert again.returncode == 0, again.stderr
+    assert next(line for line in again.stdout.splitlines() if line.startswith("ate_dr")) == ate
+
+
+def test_a_file_of_navigation_may_come_from_a_run_of_the_same_dive(tmp_path, wreck, out):
+    joined = tmp_path / "joined.nc"
+    done = sssslam("convert", wreck, joined, "--nav", out / "trajectory.tum")
+    assert done.returncode == 0, done.stderr
+    assert "100.0% of 460 pings covered" in done.stdout
+    assert "positions are 0 m from those recorded" in done.stdout or "e-07 m from those" in done.stdout
