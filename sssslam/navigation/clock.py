@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import minimize_scalar
 
 from frontend.arrays import FloatArray
@@ -142,8 +142,16 @@ def _smoothed(time: FloatArray, seen: FloatArray, said: Series) -> tuple[FloatAr
     """Both series over the same few intervals: noise that is averaged between two values, and not at them, draws."""
     interval = float(np.median(np.diff(time)))
     width = _SMOOTHING * max(interval, said.interval)
-    of_log = gaussian_filter1d(said.values, width / max(said.interval, 1e-6), mode="nearest")
-    return gaussian_filter1d(seen, width / interval, mode="nearest"), Series(said.time, of_log)
+    of_log = _averaged(said.values, width / max(said.interval, 1e-6))
+    return _averaged(seen, width / interval), Series(said.time, of_log)
+
+
+def _averaged(values: FloatArray, sigma: float) -> FloatArray:
+    """Three running means: nearly a Gaussian of that many values, and as fast however many there are."""
+    size = min(2 * round(sigma) + 1, 2 * ((len(values) - 1) // 2) + 1)
+    for _ in range(3):
+        values = uniform_filter1d(values, size, mode="nearest")
+    return values
 
 
 def _unexplained(time: FloatArray, seen: FloatArray, said: Series, offset: float) -> float:

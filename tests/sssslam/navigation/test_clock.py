@@ -70,6 +70,13 @@ def test_series_that_do_not_tell_are_refused_in_one_line(dive, kind):
     assert "\n" not in str(error.value)
 
 
+def test_a_log_of_a_million_rows_in_a_second_takes_no_longer_than_its_length_asks_for(dive):
+    recording, time = dive(), START + np.linspace(50.0, 51.0, 1_000_000)
+    log = NavigationLog("log.csv", {"roll": Series(time, np.sin(time - START))})
+    with pytest.raises(ValueError, match="cannot be told from roll"):
+        estimate_clock_offset(recording, log)
+
+
 @pytest.mark.skipif("SSSSLAM_DATA" not in os.environ, reason="SSSSLAM_DATA is not set: no real recordings")
 @pytest.mark.parametrize("name", ["scotsman-iver2.xtf", "starfish-iver2-barbados.logdoc"])
 def test_the_echoes_of_a_real_dive_tell_the_clock_of_its_altimeter(name):
