@@ -1,6 +1,7 @@
 """The pose graph: anchors of submaps, held together by odometry and loop closures, solved by GTSAM."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -8,11 +9,14 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
 from backend.arrays import FloatArray
+from backend.atlas import believe_inside_gates
 from backend.beliefs import Chooser, believe_consistent
 from backend.consistency import ConsistencyConfig
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement
 from backend.factors import PositionFix, UnaryKnowledge
+from backend.incremental import believe_incrementally
 from backend.innovations import Innovations
+from backend.particles import ParticleConfig, believe_best_particle
 from backend.poses import RelativePose, as_poses
 from backend.problem import Problem
 from backend.solution import PoseGraphSolution
@@ -26,10 +30,12 @@ class PoseGraphConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    method: Literal["consistent"] = Field(
+    method: Literal["consistent", "incremental", "particles", "atlas"] = Field(
         default="consistent",
-        description="How closures are chosen: consistent is the largest set that agrees.",
+        description="How closures are chosen: the set that agrees best; the same as anchors come; a particle filter; "
+        "or one after the other inside gates of an atlas.",
     )
+    particles: ParticleConfig = ParticleConfig()
     inlier_probability: float = Field(
         default=0.9999,
         gt=0,
@@ -229,7 +235,13 @@ class PoseGraph:
 
     def _chooser(self) -> Chooser:
         """The way to choose closures."""
-        return believe_consistent
+        choosers: dict[str, Chooser] = {
+            "consistent": believe_consistent,
+            "incremental": believe_incrementally,
+            "particles": partial(believe_best_particle, config=self.config.particles),
+            "atlas": believe_inside_gates,
+        }
+        return choosers[self.config.method]
 
     def _relative_pose(self, target: int, source: int, T: ArrayLike, covariance: ArrayLike) -> RelativePose:
         """Check a measurement between two anchors."""
