@@ -181,8 +181,9 @@ def _sentence(said: Quantity, quantity: Quantity, odds: dict[Quantity, float]) -
         return f"Samples taken for {quantity} by their speckle."
     if odds[quantity] >= _LIKELY:
         return f"Samples taken for {quantity} by their speckle, with a probability of {odds[quantity]:.0%} only."
+    other = max(odds.keys() - {quantity}, key=lambda key: odds[key])
     return (
-        f"Samples taken for {quantity} ({odds[quantity]:.0%}; {best} {odds[best]:.0%}): their speckle does not tell, "
+        f"Samples taken for {quantity} ({odds[quantity]:.0%}; {other} {odds[other]:.0%}): their speckle does not tell, "
         "say it in the recording if you know."
     )
 

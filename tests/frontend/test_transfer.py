@@ -91,6 +91,7 @@ def test_a_textured_floor_of_many_looks_does_not_tell_and_that_is_said() -> None
     transfer = estimate_transfer(recording)
     assert transfer.quantity == Quantity.AMPLITUDE
     assert transfer.confidence < 0.7
+    assert transfer.words.startswith(f"Samples taken for amplitude ({transfer.confidence:.0%}; intensity ")
     assert "their speckle does not tell" in transfer.words
 
 
