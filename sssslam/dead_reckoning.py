@@ -14,6 +14,7 @@ from frontend.recording import Recording
 from frontend.trajectory import Trajectory
 
 _EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
+_LEAST = 1e-3  # rad, m
 
 
 def dead_reckon(recording: Recording, config: DeadReckoningConfig) -> tuple[Recording, DeadReckoning]:
@@ -95,6 +96,29 @@ def earth_rate(place: Georeference | None) -> FloatArray:
         return np.zeros(3)
     latitude = np.radians(place.latitude)
     return _EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+
+
+def first_pose_sigmas(dead_reckoning: DeadReckoning, ping: int) -> FloatArray:
+    """How uncertain the first anchor of a graph is.
+
+    No loop closure sees where the whole track lies and how it is turned: so the first pose says how well that is known,
+    and the graph carries it to every anchor. It moves nothing, as the first anchor is where dead reckoning has it.
+
+    Parameters
+    ----------
+    dead_reckoning : DeadReckoning
+        The uncertainty of the track.
+    ping : int
+        The anchor's ping.
+
+    Returns
+    -------
+    sigmas : ndarray, shape (6,)
+        Along the world's axes [rad, rad, rad, m, m, m]; at least a milliradian and a millimetre.
+    """
+    x, y, z, yaw = dead_reckoning.sigmas[ping]
+    tilt = dead_reckoning.config.tilt_sd
+    return np.maximum([tilt, tilt, yaw, x, y, z], _LEAST)
 
 
 def _has_moved(track: Trajectory) -> bool:

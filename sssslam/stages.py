@@ -23,10 +23,9 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from frontend.windows import Window
 from sssslam.config import Config
+from sssslam.dead_reckoning import first_pose_sigmas
 from sssslam.map_agreement import MapAgreement
 from sssslam.watch import Watch
-
-FIRST_POSE_SIGMAS = np.full(6, 1e-3)  # the first anchor is where dead reckoning has it: the gauge
 
 
 def reconstruct_windows(
@@ -142,7 +141,7 @@ def solve_graph(
     anchors = anchor_pings(submaps)
     T_world_body_dr = np.stack([submap.T_world_submap_dr @ submap.T_submap_body for submap in submaps])
     graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency, config.do_no_harm)
-    graph.add_first_pose(FIRST_POSE_SIGMAS)
+    graph.add_first_pose(first_pose_sigmas(dead_reckoning, int(anchors[0])))
     maps, prior = MapAgreement(submaps, config.loop_closures), prior_covariance(submaps, dead_reckoning)
     settings = config.dead_reckoning
     for k in range(len(submaps)):

@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from backend.correction import spread_correction, spread_sigmas
 from backend.dead_reckoning import DeadReckoning, DeadReckoningConfig
+from backend.sensor_reckoning import reckon
+from tests.backend.sensor_scenes import START, grade, make_sensors
 
 
 def turned(T, yaw, shift):
@@ -123,6 +125,80 @@ def test_one_anchor_moves_the_whole_track(straight):
     time, T = straight
     corrected = spread_correction(time, T, [500], turned(T[500], 0.1, [1.0, 2.0, 3.0])[None])
     np.testing.assert_allclose(corrected, turned(T, 0.1, [1.0, 2.0, 3.0]), atol=1e-9)
+
+
+SHIFTS = st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 3), min_size=4, max_size=4)
+TURNS = st.lists(st.floats(-0.2, 0.2), min_size=4, max_size=4)
+FOUR = np.array([150, 400, 450, 900])
+
+
+def moved_anchors(T, shifts, yaws):
+    """Four anchors of a track, each shifted, and turned where it is."""
+    anchors = T[FOUR].copy()
+    turns = Rotation.from_rotvec(np.multiply.outer(yaws, [0.0, 0.0, 1.0])).as_matrix()
+    anchors[:, :3, :3] = turns @ anchors[:, :3, :3]
+    anchors[:, :3, 3] += shifts
+    return anchors
+
+
+@settings(max_examples=25, deadline=None)
+@given(SHIFTS, TURNS, st.floats(-3.0, 3.0), st.tuples(*[st.floats(-1e3, 1e3)] * 3))
+def test_where_the_world_lies_does_not_matter(straight, shifts, yaws, yaw, shift):
+    time, T = straight
+    anchors = moved_anchors(T, shifts, yaws)
+    here = spread_correction(time, T, FOUR, anchors)
+    there = spread_correction(time, turned(T, yaw, shift), FOUR, turned(anchors, yaw, shift))
+    np.testing.assert_allclose(there, turned(here, yaw, shift), atol=1e-8)
+
+
+@settings(max_examples=25, deadline=None)
+@given(SHIFTS)
+def test_no_ping_is_shifted_farther_than_the_anchors_around_it(straight, shifts):
+    time, T = straight
+    moved = spread_correction(time, T, FOUR, moved_anchors(T, shifts, np.zeros(4)))[:, :3, 3] - T[:, :3, 3]
+    shifts = np.array(shifts)
+    after = np.searchsorted(FOUR, np.arange(len(time)))
+    left, right = shifts[np.clip(after - 1, 0, 3)], shifts[np.clip(after, 0, 3)]
+    assert (moved >= np.minimum(left, right) - 1e-9).all()
+    assert (moved <= np.maximum(left, right) + 1e-9).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(SHIFTS, TURNS)
+def test_the_correction_never_jerks_position_or_heading(straight, shifts, yaws):
+    time, T = straight
+    corrected = spread_correction(time, T, FOUR, moved_anchors(T, shifts, yaws))
+    moved = corrected[:, :3, 3] - T[:, :3, 3]
+    turn = np.unwrap(yaw_of(corrected))
+    # pieces at most apart by both shifts and by the arms that both turns swing; the quintic's steepest is 15/8 of its
+    # mean, over 5 s at least; a turned piece swings its arm as the vehicle goes on at 1 m/s
+    apart = np.linalg.norm(shifts, axis=1).max() * 2.0 + 2.0 * 0.2 * 50.0
+    assert np.linalg.norm(np.diff(moved, axis=0), axis=1).max() <= 0.1 * (15.0 / 8.0 * apart / 5.0 + 0.2)
+    assert np.abs(np.diff(turn)).max() <= 0.1 * 15.0 / 8.0 * 0.4 / 5.0
+
+
+@settings(max_examples=10, deadline=None)
+@given(SHIFTS, TURNS, st.sets(st.integers(0, 999), max_size=300))
+def test_pings_left_out_change_nothing_for_the_others(straight, shifts, yaws, left_out):
+    time, T = straight
+    anchors, kept = moved_anchors(T, shifts, yaws), np.setdiff1d(np.arange(1000), sorted(left_out - set(FOUR.tolist())))
+    few = spread_correction(time[kept], T[kept], np.searchsorted(kept, FOUR), anchors)
+    np.testing.assert_allclose(few, spread_correction(time, T, FOUR, anchors)[kept], atol=1e-9)
+
+
+def test_a_track_from_sensors_gets_its_sigmas_from_the_filter():
+    config = grade("mems")
+    reckoning = reckon(make_sensors(config, np.random.default_rng(0)), np.arange(0.0, 120.0, 0.5), START, config)
+    anchors = np.tile([0.05, 0.05, 0.02, 0.002], (3, 1))
+    sigmas = spread_sigmas(reckoning, [20, 120, 220], anchors)
+    assert np.isfinite(sigmas).all()
+    assert (sigmas > 0).all()
+    assert sigmas[70, 0] > sigmas[20, 0]  # half way between two anchors, 50 s on
+    # never more than the filter's own relative drift beside the anchor's own, its arm and what no closure sees
+    drift = reckoning.drift_variances(np.full(100, 20), np.arange(20, 120))
+    arm = (reckoning.positions[20:120] - reckoning.positions[20])[:, 1::-1] ** 2 * 0.002**2
+    most = drift[:, :2] + 0.05**2 + arm + reckoning.unseen_variances(20)[20:120, :2]
+    assert (sigmas[20:120, :2] ** 2 <= most + 1e-9).all()
 
 
 @pytest.mark.parametrize(

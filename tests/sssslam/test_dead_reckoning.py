@@ -13,7 +13,7 @@ from frontend.georeference import Georeference
 from frontend.recording import Recording
 from frontend.trajectory import Trajectory
 from sssslam.config import load_config
-from sssslam.dead_reckoning import dead_reckon, earth_rate, on_the_map
+from sssslam.dead_reckoning import dead_reckon, earth_rate, first_pose_sigmas, on_the_map
 from sssslam.simulation import Scene
 from sssslam.simulation.drift import DriftConfig
 from sssslam.simulation.simulator import prepare
@@ -143,6 +143,17 @@ def test_the_earth_turns_about_the_vertical_at_the_pole_and_about_north_at_the_e
     assert np.allclose(earth_rate(Georeference(90.0, 0.0)), [0.0, 0.0, 7.292115e-5])
     assert np.allclose(earth_rate(Georeference(0.0, 0.0)), [0.0, 7.292115e-5, 0.0])
     assert not earth_rate(None).any()
+
+
+def test_the_first_anchor_is_as_uncertain_as_dead_reckoning_up_to_it(mems):
+    reckoning = dead_reckon(mems[0], DeadReckoningConfig(heading_bias_sd=0.1, heading_deviation_sd=0.0, depth_sd=1e-6))[
+        1
+    ]
+    sigmas = first_pose_sigmas(reckoning, 100)
+    assert sigmas[2] == pytest.approx(0.1, rel=0.05)  # and what the heading walked in 100 pings
+    np.testing.assert_allclose(sigmas[3:5], reckoning.sigmas[100, :2])
+    assert sigmas[5] == 1e-3
+    assert (first_pose_sigmas(reckoning, 0)[3:5] == 1e-3).all()
 
 
 def test_sensors_that_are_not_there_are_asked_for_in_one_line(mems):
