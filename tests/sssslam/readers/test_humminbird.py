@@ -21,7 +21,7 @@ def test_a_dive_reads_as_it_was_made(tmp_path, tags):
     recording = read(dive.write(tmp_path))
     np.testing.assert_array_equal(recording.port, dive.lines(2).astype(np.float32))
     np.testing.assert_array_equal(recording.starboard, dive.lines(3).astype(np.float32))
-    np.testing.assert_allclose(recording.ping_time, dive.time, atol=1e-6)
+    np.testing.assert_allclose(recording.ping_time, dive.time, rtol=0, atol=1e-6)
     np.testing.assert_allclose(recording.altitude, 10.0)
     np.testing.assert_allclose(recording.speed, 2.0)
     np.testing.assert_allclose(recording.trajectory_dr.yaw, np.radians(-135.0))
@@ -125,6 +125,17 @@ def test_a_damaged_record_costs_its_own_ping_only(tmp_path):
     recording = read(dat)
     assert recording.n_pings == 38
     assert any(note.startswith("B002.SON: ") and "are damaged or cut off" in note for note in recording.notes)
+
+
+def test_a_record_that_reaches_into_the_next_is_left_out(tmp_path):
+    dive = HumminbirdScene()
+    dat = dive.write(tmp_path)
+    son, size = tmp_path / "R01224" / "B002.SON", len(dive.record(0, 2))
+    content = bytearray(dive.son(2))
+    # The last byte of the number of samples, in front of the end of the header.
+    content[7 * size + 65] = 130
+    son.write_bytes(bytes(content))
+    assert (read(dat).n_pings, read(dat).n_samples) == (39, 120)
 
 
 def test_a_dive_without_side_beams_is_refused(tmp_path):

@@ -131,6 +131,22 @@ def test_pings_without_position_are_dropped_and_said(write, written):
 
 
 @FORMATS
+def test_pings_on_the_other_side_of_the_earth_are_dropped(write, written):
+    latitude = np.where(K < 3, 45 + 1e-5 * K, -45.0)
+    recording = read(write(written(but(x=None, y=None, latitude=latitude, longitude=5 + 0 * K))))
+    assert (recording.n_pings, recording.n_dropped) == (3, 2)
+
+
+@FORMATS
+def test_a_dive_across_the_date_line_is_one(write, written):
+    longitude = np.where(K < 3, 179.9999 + 3e-5 * K, -180.0001 + 3e-5 * K)
+    recording = read(write(written(but(x=None, y=None, latitude=45 + 1e-5 * K, longitude=longitude))))
+    assert recording.n_pings == 5
+    # 3e-5 degrees of a parallel of 78.85 km a degree.
+    np.testing.assert_allclose(np.diff(recording.trajectory_dr.x)[[0, 1, 3]], 2.365, atol=0.01)
+
+
+@FORMATS
 @pytest.mark.parametrize(
     ("series", "words"),
     [
@@ -239,7 +255,7 @@ def test_one_value_serves_all_pings(write):
 def test_nothing_is_unpickled(write):
     buffer = io.BytesIO()
     np.savez(buffer, **SIDES, **but(x=np.array([print, 1, 2, 3, 4], dtype=object)))
-    with pytest.raises(ValueError, match="pickle"):
+    with pytest.raises(ValueError, match="Object arrays cannot be loaded"):
         read(write(buffer.getvalue()))
 
 
