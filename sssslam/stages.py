@@ -246,10 +246,16 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
     """
     chosen = [
         f"Windows of {config.windows.length:.0f} m that overlap by {config.windows.overlap:.0%}, "
-        f"cells of {config.reconstruction.joint.spacing:.2g} m: from a slant range of "
+        f"cells of {getattr(config.reconstruction, config.reconstruction.method).spacing:.2g} m: from a slant range of "
         f"{recording.slant_range_max.max():.0f} m.",
         radiometry.words,
     ]
+    if config.reconstruction.method == "joint":
+        floor = radiometry.seafloor
+        chosen.append(
+            f"Belief from the echoes: relief of spectrum {floor.roughness:.2g} k^-4, "
+            f"log-reflectivity varying by {floor.reflectivity:.2g} over {floor.length:.2g} m."
+        )
     if np.isfinite(bottom.altimeter_scale) and bottom.altimeter_scale != 1:
         scale = f"{bottom.altimeter_scale:.3f}"
         chosen.append(f"The altimeter was multiplied by {scale} to agree with the first bottom return.")

@@ -181,7 +181,7 @@ def make_posterior(data: WindowData, radiometry: Radiometry, config: JointConfig
     raster = raster_of(data, (config.spacing or cell_spacing(data.slant_range_max)) * 2**coarser)
     step = np.median(np.hypot(*np.diff(data.sensors[:, 0, :2], axis=0).T)) if len(data.sensors) > 1 else raster.spacing
     group = int(np.clip(np.floor(raster.spacing / max(step, 1e-3)), 1, max(1, len(data.sensors) // 4)))
-    model = BinModel(radiometry.looks, config.looks_most, config.blur, radiometry.tables.noise)
+    model = BinModel(radiometry, config.looks_most, config.blur)
     beams, bins = beams_and_bins(data, raster.spacing / config.bins_per_cell, group, model)
     aside = _lines_aside(len(beams.sensor), config.held_out)
     seen = replace(bins, looks=np.where(aside, 0.0, bins.looks))

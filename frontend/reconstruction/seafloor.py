@@ -110,7 +110,7 @@ def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, flo
         cells = row[good] * n_x + column[good]
         count = np.bincount(cells, minlength=n_y * n_x)
         mean = np.bincount(cells, ratio[good], n_y * n_x) / np.maximum(count, 1)
-        logarithm = np.where(count > 0, np.log(np.maximum(mean, 0.05)), 0.0).reshape(n_y, n_x)
+        logarithm = np.where(count > 0, np.log(np.clip(mean, 0.05, 20.0)), 0.0).reshape(n_y, n_x)
         images.append((np.asarray(logarithm), spacing, np.asarray(y / altitude)))
     return images
 

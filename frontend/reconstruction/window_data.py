@@ -10,7 +10,7 @@ from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
 from frontend.frames import invert, level, transform
 from frontend.geometry import transducer_positions
-from frontend.radiometry import Radiometry, to_intensity
+from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Beams, Bins, Raster
 from frontend.recording import Recording
 from frontend.windows import Window
@@ -66,21 +66,37 @@ class BinModel:
 
     Parameters
     ----------
-    looks : float
-        Independent looks in one recorded sample.
+    radiometry : Radiometry
+        Says how many looks a sample has, and how loud it is where there is no seafloor.
     looks_most : float
         The most looks that a bin may count: the model is never better than that.
     blur : float
         Share of the mean echo added to both echo and model, so that dark bins and the edge of the water column do not
         claim more than a bin's width can tell.
-    noise : ndarray, shape (2,)
-        Noise floor of each side, as intensity.
     """
 
-    looks: float
+    radiometry: Radiometry
     looks_most: float
     blur: float
-    noise: FloatArray
+
+    def noise(self, slant_range: FloatArray) -> FloatArray:
+        """Noise floor of each side.
+
+        Parameters
+        ----------
+        slant_range : ndarray, shape (B,)
+            Where [m].
+
+        Returns
+        -------
+        noise : ndarray, shape (2, B)
+            As intensity.
+        """
+        tables, floor = self.radiometry.tables, self.radiometry.noise_floor
+        if floor is None:
+            return np.repeat(tables.noise[:, None], len(slant_range), axis=1)
+        knots = tables.range_step * np.arange(floor.shape[1])
+        return np.stack([np.interp(slant_range, knots, side) for side in floor])
 
 
 def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry: Radiometry) -> WindowData:
@@ -116,13 +132,21 @@ def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry
         T_submap_world @ T_world_body,
         T_submap_world @ poses,
         transform(T_submap_world, transducer_positions(poses, recording.sonar)),
-        to_intensity(echoes, radiometry.quantity),
+        _usable(radiometry.intensity(echoes), bottom, pings),
         recording.sample_spacing[pings],
         bottom.altitude[pings],
         bottom.first_bottom_return[pings],
         speed / sound_speed,
         turn_rate / sound_speed,
     )
+
+
+def _usable(intensity: FloatArray, bottom: Bottom, pings: slice) -> FloatArray:
+    """Intensities without the silent tail that follows the last bottom return."""
+    if bottom.last_usable_sample is None:
+        return intensity
+    heard = np.arange(intensity.shape[2]) <= bottom.last_usable_sample[pings][:, :, None]
+    return np.where(heard, intensity, np.nan)
 
 
 def _rates(poses: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -202,13 +226,16 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     blanking = 0.6 * data.first_bottom_return
     _multilook(data.intensity, data.sample_spacing, blanking, group, width, sums, counts)
     mean = np.divide(sums, counts, out=np.ones_like(sums), where=counts > 0)
-    effective = np.where(counts > 0, 1.0 / (1.0 / np.maximum(counts * model.looks, 1e-9) + 1.0 / model.looks_most), 0.0)
+    effective = np.where(
+        counts > 0, 1.0 / (1.0 / np.maximum(counts * model.radiometry.looks, 1e-9) + 1.0 / model.looks_most), 0.0
+    )
     blur = model.blur * _level_beyond(mean, counts)
+    noise = model.noise(width * np.arange(0.5, n_bins))
     rotation = data.T_submap_pings[middle, :3, :3]
     side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
     axes = (rotation[:, :, 0], side, rotation[:, :, 2])
     beams = Beams(data.sensors[middle], *axes, data.advance[middle], data.turn[middle])
-    return beams, Bins(mean + blur, effective, model.noise[:, None] + blur, width)
+    return beams, Bins(mean + blur, effective, noise + blur, width)
 
 
 def _level_beyond(mean: FloatArray, counts: FloatArray) -> FloatArray:

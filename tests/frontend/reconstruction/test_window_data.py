@@ -16,7 +16,8 @@ from frontend.windows import Window
 from tests.frontend.reconstruction.small_window import make_tables
 
 N, M = 12, 400
-MODEL = BinModel(looks=1.0, looks_most=6.0, blur=0.0, noise=np.array([0.5, 0.25]))
+TABLES = replace(make_tables(), noise=np.array([0.5, 0.25]))
+MODEL = BinModel(Radiometry(Quantity.AMPLITUDE, 1.0, TABLES), looks_most=6.0, blur=0.0)
 
 
 def make_recording(yaw: float = 0.0) -> Recording:
@@ -157,3 +158,20 @@ def test_pings_of_different_sample_spacing_meet_in_the_same_bins() -> None:
     # 25 to 40 m is heard by the three first pings of the window only
     np.testing.assert_allclose(bins.intensity[0, 0, 60:], 36.0)
     assert (bins.looks[1, :, 41:] == 0).all()
+
+
+def test_a_noise_floor_over_range_is_read_at_the_bins() -> None:
+    over_range = np.stack([np.arange(260.0), 2 * np.arange(260.0)])  # knots every 0.25 m
+    model = replace(MODEL, radiometry=replace(MODEL.radiometry, noise_floor=over_range))
+    _, bins = beams_and_bins(make_data(make_recording()), 0.5, 2, model)
+    np.testing.assert_allclose(bins.floor[:, 40], [81.0, 162.0])  # 20.25 m
+
+
+def test_the_silent_tail_says_nothing() -> None:
+    recording, radiometry = make_recording(), Radiometry(Quantity.AMPLITUDE, 1.0, make_tables())
+    last = np.tile([299, 399], (N, 1))
+    bottom = Bottom(np.full((N, 2), 12.0), np.full(N, 12.0), 1.0, last_usable_sample=last)
+    data = window_data(recording, Window(0, 2, 10, 6), bottom, radiometry)
+    assert np.isfinite(data.intensity[:, 0, :300]).all()
+    assert np.isnan(data.intensity[:, 0, 300:]).all()
+    assert np.isfinite(data.intensity[:, 1]).all()
