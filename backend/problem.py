@@ -1,7 +1,7 @@
 """The problem that a pose graph poses: anchors, what joins them, and what is known of each by itself."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
@@ -41,6 +41,7 @@ class Problem:
     fixes: Sequence[PositionFix]
     closures: Sequence[RelativePose]
     chance: FloatArray
+    _made: dict[float, list[gtsam.NonlinearFactor]] = field(default_factory=dict, repr=False, compare=False)
 
     def known_factors(self, scale: float) -> list[gtsam.NonlinearFactor]:
         """Make all factors but those of the closures.
@@ -53,8 +54,14 @@ class Problem:
         Returns
         -------
         factors : list of gtsam.NonlinearFactor
-            First pose, odometry, depth and tilt, fixes.
+            First pose, odometry, depth and tilt, fixes; made once for each scale.
         """
+        if scale not in self._made:
+            self._made[scale] = self._make_known(scale)
+        return self._made[scale]
+
+    def _make_known(self, scale: float) -> list[gtsam.NonlinearFactor]:
+        """What `known_factors` remembers."""
         T = self.T_world_anchor_dr
         unary = [factor for known in self.unary for factor in unary_factors(T[known.anchor], known)]
         fixes = [fix_factor(fix) for fix in self.fixes]

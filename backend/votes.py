@@ -61,7 +61,7 @@ class ConsistencyConfig(BaseModel):
         description="Sets [1] looked at closely; the one that explains most at first sight need not be true.",
     )
     max_closures: int = Field(
-        default=200,
+        default=150,
         ge=2,
         description="Closures [1] compared with one another; more are thinned, and the rest judged by those.",
     )
