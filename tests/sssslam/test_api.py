@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 import sssslam
+from frontend.bottom import Bottom, find_bottom
+from frontend.radiometry import estimate_radiometry
+from frontend.reconstruction import method_of
 from frontend.recording import Quantity, Recording
+from frontend.windows import Window
+from sssslam.config import resolve
 from tests.frontend.flat_floor import FlatFloor
 
 FLOOR = FlatFloor(12.0 + 2.0 * np.sin(np.arange(80) / 15), strength=1e8)
@@ -51,9 +56,11 @@ def test_features_of_a_submap_come_with_descriptors(submap: sssslam.Submap) -> N
 
 
 def test_a_floor_out_of_range_leaves_nothing_known(recording: Recording) -> None:
-    deep = replace(recording, altitude=np.full(recording.n_pings, 300.0))
-    coarse = sssslam.load_config(settings=["reconstruction.joint.n_levels=1"])
-    assert not sssslam.reconstruct(deep, coarse).is_known.any()
+    config = resolve(sssslam.load_config(settings=["reconstruction.joint.n_levels=1"]), recording)
+    window, n = Window(0, 0, recording.n_pings, recording.n_pings // 2), recording.n_pings
+    radiometry = estimate_radiometry(recording, find_bottom(recording, config.bottom), config.radiometry)
+    deep = Bottom(np.full((n, 2), 300.0), np.full(n, 300.0), 1.0)
+    assert not method_of(config.reconstruction)(recording, window, deep, radiometry).is_known.any()
 
 
 def test_silence_is_refused(recording: Recording) -> None:
