@@ -90,7 +90,7 @@ def _seen(dive: Dive, window: Window, terrain: Heightfield, spacing: float) -> t
 def _beams(data: WindowData) -> Beams:
     rotation = data.T_submap_pings[:, :3, :3]
     side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
-    return Beams(data.sensors, rotation[:, :, 0], side, rotation[:, :, 2])
+    return Beams(data.sensors, rotation[:, :, 0], side, rotation[:, :, 2], data.advance, data.turn)
 
 
 def _points(raster: Raster) -> FloatArray:
