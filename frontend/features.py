@@ -51,7 +51,7 @@ class FeatureConfig(BaseModel):
         gt=0,
         description="Usable cells [1] below which a submap has no features: less than one neighbourhood.",
     )
-    relief: ReliefConfig = ReliefConfig(clip=3.0)  # edges of boulders would take all keypoints
+    relief: ReliefConfig = ReliefConfig()
 
 
 @dataclass(frozen=True)

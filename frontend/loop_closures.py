@@ -63,7 +63,7 @@ class LoopClosureConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     pairs: PairConfig = PairConfig()
-    relief: ReliefConfig = ReliefConfig()
+    relief: ReliefConfig = ReliefConfig(clip=8.0)  # boulders count here; as keypoints they would outnumber all else
     search: SearchConfig = SearchConfig()
     matching: MatchingConfig = MatchingConfig()
     registration: RegistrationConfig = RegistrationConfig()

@@ -34,7 +34,7 @@ class ReliefConfig(BaseModel):
         default=8.0, gt=0, description="Least ``longest`` [cells of the grid]: a coarse grid holds no shape below."
     )
     clip: float = Field(
-        default=8.0,
+        default=3.0,
         gt=0,
         description="Robust standard deviations [1] to which heights are drawn in: one boulder makes no place.",
     )
