@@ -30,6 +30,12 @@ Nav = Annotated[Path | None, typer.Option("--nav", help="Navigation beside the s
 ClockOffset = Annotated[
     str | None, typer.Option(help="Seconds to add to the times of --nav, or 'estimate'.", metavar="SECONDS|estimate")
 ]
+Closures = Annotated[
+    Path | None,
+    typer.Option(
+        help="Loop closures to accept or reject: CSV target,source,decision; a copy of loop_closures.csv will do."
+    ),
+]
 Positions = Annotated[
     Literal["recorded", "dead-reckoned"],
     typer.Option(
@@ -78,6 +84,7 @@ def run(
     nav: Nav = None,
     clock_offset: ClockOffset = None,
     navigation: Positions = "recorded",
+    closures: Closures = None,
 ) -> None:
     """Examples:
 
@@ -87,6 +94,7 @@ def run(
       sssslam run dive.nc -o out --config my.toml
       sssslam run dive.xtf -o out --nav track.csv --clock-offset estimate
       sssslam run boat.logdoc -o out --navigation dead-reckoned
+      sssslam run dive.xtf -o again --closures decisions.csv
 
     Correct the track of a dive and write track, map, loop closures and report.
     """
@@ -94,7 +102,7 @@ def run(
     from sssslam.dive import Dive
 
     dive = Dive(recordings, channels, nav, clock_offset, navigation)
-    commands.run(dive, out, commands.configuration(config, settings))
+    commands.run(dive, out, commands.configuration(config, settings), closures)
 
 
 @app.command()

@@ -14,6 +14,7 @@ from sssslam.watch import Watch
 
 if TYPE_CHECKING:
     from sssslam.config import Config
+    from sssslam.overrides import Overrides
     from sssslam.products.result import Result
 
 # What takes seconds to load (the optimiser, compiled kernels, figures) is imported by the command that needs it.
@@ -73,7 +74,7 @@ def configuration(path: Path | None, settings: Sequence[str] | None) -> "Config"
     return load_config(path, settings or ())
 
 
-def run(dive: Dive, out: Path, config: "Config") -> None:
+def run(dive: Dive, out: Path, config: "Config", closures: Path | None = None) -> None:
     """Correct the track of a dive and write every product.
 
     Parameters
@@ -84,9 +85,14 @@ def run(dive: Dive, out: Path, config: "Config") -> None:
         Folder for the products.
     config : Config
         Settings.
+    closures : Path or None
+        A table of loop closures that the user accepts or rejects.
     """
+    from sssslam.overrides import Overrides, read_overrides
+
     check_folder(out)
-    result = _slam(dive.read_track(), config)
+    overrides = Overrides() if closures is None else read_overrides(closures)
+    result = _slam(dive.read_track(), config, overrides)
     result.write(out)
     if dive.positions == "dead-reckoned" and result.recording.truth is not None:
         _judge(out, result.recording.truth)
@@ -261,10 +267,10 @@ def show_config() -> None:
     print(default_toml(), end="")
 
 
-def _slam(recording: Recording, config: "Config") -> "Result":
+def _slam(recording: Recording, config: "Config", overrides: "Overrides | None" = None) -> "Result":
     from sssslam.pipeline import slam
 
-    result = slam(recording, config, Shown())
+    result = slam(recording, config, Shown(), overrides)
     _say(result.notes)
     return result
 

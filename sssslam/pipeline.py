@@ -21,6 +21,7 @@ from frontend.trajectory import Trajectory
 from frontend.windows import Window, sliding_windows
 from sssslam.config import Config, resolve
 from sssslam.dead_reckoning import dead_reckon
+from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.readers.joining import join
 from sssslam.stages import close_loops, correct, decided, notes, prior_covariance, reconstruct_windows, solve_graph
@@ -29,7 +30,12 @@ from sssslam.watch import Watch
 N_FIRST_WINDOWS = 4  # that Slam waits for before it calibrates the sonar
 
 
-def slam(recording: Recording, config: Config | None = None, watch: Watch | None = None) -> Result:
+def slam(
+    recording: Recording,
+    config: Config | None = None,
+    watch: Watch | None = None,
+    overrides: Overrides | None = None,
+) -> Result:
     """Correct the track of a dive with what its side-scan sonar saw again.
 
     Parameters
@@ -40,13 +46,15 @@ def slam(recording: Recording, config: Config | None = None, watch: Watch | None
         Settings; what they leave open is taken from the recording.
     watch : Watch, optional
         Told of every stage and its progress, and keeps their times.
+    overrides : Overrides, optional
+        Loop closures that a user accepts or rejects, as from `sssslam.overrides.read_overrides`.
 
     Returns
     -------
     result : Result
         Corrected track, submaps, loop closures and all that a run writes.
     """
-    watch = watch or Watch()
+    watch, overrides = watch or Watch(), overrides or Overrides()
     config = resolve(config or Config(), recording)
     with watch.stage("dead reckoning"):
         recording, dead_reckoning = dead_reckon(recording, config.dead_reckoning)
@@ -59,10 +67,12 @@ def slam(recording: Recording, config: Config | None = None, watch: Watch | None
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
     # shape to loop closures
     features = [describe_submap(submap, config.features) for submap in watch.track("features", submaps)]
-    closures = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch)
+    found = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch)
+    closures = override(found, overrides)
     # loop closures to a trajectory
     with watch.stage("pose graph"):
-        solution = solve_graph(submaps, closures, dead_reckoning, config)
+        solution = solve_graph(submaps, closures, dead_reckoning, config, overrides)
+    closures = decided(closures, solution)
     with watch.stage("correction"):
         trajectory, sigmas = correct(recording.trajectory_dr, submaps, solution, dead_reckoning)
     return Result(
@@ -72,10 +82,10 @@ def slam(recording: Recording, config: Config | None = None, watch: Watch | None
         sigmas,
         tuple(submaps),
         solution.T_world_anchor @ invert(np.stack([submap.T_submap_body for submap in submaps])),
-        tuple(decided(closures, solution)),
+        tuple(closures),
         solution,
         watch.seconds,
-        notes(recording, bottom, radiometry, config),
+        (*notes(recording, bottom, radiometry, config), *override_notes(found, closures, overrides)),
     )
 
 

@@ -24,7 +24,9 @@ from frontend.trajectory import Trajectory
 from frontend.windows import Window
 from sssslam.config import Config
 from sssslam.dead_reckoning import first_pose_sigmas
+from sssslam.holding import hold
 from sssslam.map_agreement import MapAgreement
+from sssslam.overrides import Overrides
 from sssslam.watch import Watch
 
 
@@ -118,7 +120,11 @@ def prior_covariance(submaps: Sequence[Submap], dead_reckoning: DeadReckoning) -
 
 
 def solve_graph(
-    submaps: Sequence[Submap], closures: Sequence[LoopClosure], dead_reckoning: DeadReckoning, config: Config
+    submaps: Sequence[Submap],
+    closures: Sequence[LoopClosure],
+    dead_reckoning: DeadReckoning,
+    config: Config,
+    overrides: Overrides | None = None,
 ) -> PoseGraphSolution:
     """Poses of the anchors from odometry, depth, attitude and the accepted closures.
 
@@ -132,6 +138,8 @@ def solve_graph(
         Says how uncertain odometry is.
     config : Config
         Settings of the back end.
+    overrides : Overrides, optional
+        Closures that a user accepted: no false one is as good, and the back end does not withdraw them.
 
     Returns
     -------
@@ -149,13 +157,14 @@ def solve_graph(
     for k in range(len(submaps) - 1):
         T_target_source = invert(T_world_body_dr[k]) @ T_world_body_dr[k + 1]
         graph.add_odometry(k, k + 1, T_target_source, dead_reckoning.odometry_covariance(anchors[k], anchors[k + 1]))
-    for closure in closures:
-        if closure.accepted:
-            target, source = submaps[closure.target], submaps[closure.source]
-            T_bodies = invert(target.T_submap_body) @ closure.T_target_source @ source.T_submap_body
-            chance = len(closures) * maps.chance(closure, prior)
-            graph.add_closure(closure.target, closure.source, T_bodies, closure.sigmas, chance)
-    return graph.solve(agreement=maps, rng=np.random.default_rng(config.seed))
+    entering = [closure for closure in closures if closure.accepted]
+    forced = [k for k, closure in enumerate(entering) if overrides and overrides.accepts(closure)]
+    for k, closure in enumerate(entering):
+        target, source = submaps[closure.target], submaps[closure.source]
+        T_bodies = invert(target.T_submap_body) @ closure.T_target_source @ source.T_submap_body
+        chance = 0.0 if k in forced else len(closures) * maps.chance(closure, prior)
+        graph.add_closure(closure.target, closure.source, T_bodies, closure.sigmas, chance)
+    return hold(graph, graph.solve(agreement=maps, rng=np.random.default_rng(config.seed)), forced)
 
 
 def correct(
