@@ -1,6 +1,7 @@
 """Registration: sub-cell alignment of two submaps by robust weighted least squares, with an honest covariance."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -8,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from frontend.arrays import FloatArray, IntArray
 from frontend.frames import planar_parameters, planar_pose
 from frontend.overlap import Layers, Overlap, lay_over
+from frontend.refiners import CloudConfig, Planar, refine_by_clouds
 from frontend.sampling import normal_equations
 
 
@@ -16,6 +18,12 @@ class RegistrationConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    refiner: Literal["relief", "small_gicp", "kiss_icp"] = Field(
+        default="relief",
+        description="What refines x, y, yaw: least squares over the reliefs; or, to compare, a library's registration "
+        "of their points, some ten times slower.",
+    )
+    clouds: CloudConfig = CloudConfig()
     n_iterations: int = Field(default=12, gt=0, description="Most Gauss-Newton steps [1]; a true place needs six.")
     max_step: float = Field(
         default=1.0, gt=0, description="Longest shift of one step [m]: a cell, or the linearisation fails."
@@ -111,16 +119,25 @@ def register(
     relief's alone the slopes of its errors would count as shape.
     """
     config = config or RegistrationConfig()
-    planar = planar_parameters(T_target_source)
+    if config.refiner == "relief":
+        planar = _refine_by_relief(target, source, T_target_source, config)
+    else:
+        planar = refine_by_clouds((target, source), T_target_source, config.refiner, config.clouds)
+    overlap = lay_over(target, source, planar)
+    offset, tilt, height_residual = _gauge(overlap, config)
+    sigmas = _sigmas(overlap, planar[2], config)
+    return Registration(planar_pose(*planar, z=offset), sigmas, tilt, height_residual, overlap)
+
+
+def _refine_by_relief(target: Layers, source: Layers, T_start: FloatArray, config: RegistrationConfig) -> Planar:
+    """x, y, yaw by Gauss-Newton steps over the reliefs."""
+    planar = planar_parameters(T_start)
     for _ in range(config.n_iterations):
         step = _step(target, source, planar, config)
         planar = (planar[0] + step[0], planar[1] + step[1], planar[2] + step[2])
         if np.hypot(step[0], step[1]) < _STILL and abs(step[2]) < _STILL_TURN:
             break
-    overlap = lay_over(target, source, planar)
-    offset, tilt, height_residual = _gauge(overlap, config)
-    sigmas = _sigmas(overlap, planar[2], config)
-    return Registration(planar_pose(*planar, z=offset), sigmas, tilt, height_residual, overlap)
+    return planar
 
 
 def _jacobians(overlap: Overlap, yaw: float) -> tuple[FloatArray, FloatArray]:
