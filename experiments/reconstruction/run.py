@@ -16,7 +16,7 @@ import numpy as np
 from fusion import Fused, Target, fuse, target
 from metrics import as_row, columns, names
 from rows import ROWS
-from scenes import CALIBRATIONS, FLOORS, MOTIONS, PASSES, REPORTING_SEEDS, Dive, make_dive
+from scenes import CALIBRATIONS, FLOORS, MOTIONS, PASSES, REPORTING_SEEDS, Dive, make_dive, rougher
 
 Result = dict[str, str | float]
 CASE = ("scene", "motion", "passes", "seed", "split", "method")
@@ -107,6 +107,7 @@ def run(arguments: argparse.Namespace) -> None:
         except ValueError as error:
             print(f"{case} skipped: {error}", flush=True)
             continue
+        dive = rougher(dive, arguments.roughness)
         wanted = target(dive)
         if not warm:  # compilation is not the methods' time
             list(results(case, dive, wanted, arguments.methods))
@@ -133,6 +134,9 @@ def main() -> None:
         "--seeds", nargs="+", type=int, default=[10, 11, 12], help="0-3 for tuning, 10 and on to report."
     )
     parser.add_argument("--calibration", choices=CALIBRATIONS, default="mission", help="Where the sonar is calibrated.")
+    parser.add_argument(
+        "--roughness", type=float, default=1.0, help="Times the roughness [1] that calibration found of the seafloor."
+    )
     parser.add_argument("--methods", nargs="+", choices=ROWS, default=list(ROWS))
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "out")
     run(parser.parse_args())

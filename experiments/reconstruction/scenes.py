@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,11 @@ def fractal(rms: float) -> Callable[[int], Layers]:
     return lambda _: layers
 
 
+def bare(_: int) -> Layers:
+    """The floor of ``fractal-0.8`` without boulders and pits: what a method says of smooth relief alone."""
+    return [{"kind": "fractal", "rms": 0.8}, {"kind": "sediment", "rms": 0.2}]
+
+
 def falls(seed: int) -> Layers:
     """A place in South Falls, with a fine texture, for the survey resolves a metre."""
     centre = np.random.default_rng(seed).uniform([-50.0, -300.0], [50.0, 300.0])
@@ -71,6 +76,7 @@ FLOORS: dict[str, Callable[[int], Layers]] = {
     "fractal-0.4": fractal(0.4),
     "fractal-0.8": fractal(0.8),
     "fractal-1.6": fractal(1.6),
+    "bare-0.8": bare,
     "falls": falls,
     "reef": reef,
 }
@@ -142,6 +148,13 @@ def make_dive(floor: str, motion: str, passes: str, seed: int, calibration: "Cal
     windows = windows_of(recording.truth.trajectory, legs)
     bottom = find_bottom(recording, BottomConfig())
     return Dive(recording, windows, bottom, calibration(recording, windows, bottom))
+
+
+def rougher(dive: Dive, factor: float) -> Dive:
+    """The same dive, its seafloor believed so many times as rough as calibration found; only `joint` asks for it."""
+    seafloor = dive.radiometry.seafloor
+    believed = replace(seafloor, roughness=factor * seafloor.roughness)
+    return replace(dive, radiometry=replace(dive.radiometry, seafloor=believed))
 
 
 def calibrate_on_passes(recording: Recording, windows: list[Window], bottom: Bottom) -> Radiometry:
