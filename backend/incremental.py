@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.arrays import FloatArray, IntArray
 from backend.beliefs import Offer
-from backend.consistency import consistent_closures
+from backend.consistency import ConsistentSet, consistent_closures, reconsidered
 from backend.evidence import surpluses
 from backend.factors import between_factors, graph_of, poses_of
 from backend.innovations import Innovations, innovations
@@ -117,6 +117,13 @@ class IncrementalGraph:
             self._arrived = np.sort(np.concatenate([self._arrived, arriving]))
             self._judge()
 
+    def settle(self) -> None:
+        """Judge all closures so far together, and once more about the solution that this gives."""
+        if self._arrived.size:
+            self._judge_together()
+            present = ConsistentSet(np.isin(self._arrived, self.believed), self.scale)
+            self._adopt(reconsidered(self._compared(self._arrived), present, self._offer.consistency))
+
     def _judge(self) -> None:
         """Believe what the believed closures speak for; judge all anew when many are in doubt."""
         doubtful = np.setdiff1d(self._arrived, self.believed)
@@ -131,8 +138,11 @@ class IncrementalGraph:
             self._judge_together()
 
     def _judge_together(self) -> None:
-        """Find the largest set that agrees; begin the solution again where it is another one."""
-        consistent = consistent_closures(self._compared(self._arrived), self._offer.consistency)
+        """Find the set that agrees best."""
+        self._adopt(consistent_closures(self._compared(self._arrived), self._offer.consistency))
+
+    def _adopt(self, consistent: ConsistentSet) -> None:
+        """Believe a set of those so far; begin the solution again where it leaves some out or stretches otherwise."""
         members = self._arrived[consistent.is_member]
         if consistent.odometry_scale == self.scale and np.isin(self.believed, members).all():
             self._believe(np.setdiff1d(members, self.believed))
@@ -177,6 +187,7 @@ def believe_incrementally(offer: Offer) -> Belief:
     last = np.array([max(c.target, c.source) for c in offer.problem.chosen(offer.closures)], dtype=np.int64)
     for anchor in range(len(offer.problem.T_world_anchor_dr)):
         graph.advance(offer.closures[last == anchor])
+    graph.settle()
     return Belief(graph.believed, graph.scale, graph.solver.poses())
 
 

@@ -69,6 +69,7 @@ def incremental(survey: Survey, problem: Problem, n_true: int) -> None:
         start = time.perf_counter()
         graph.advance(np.flatnonzero(last == anchor))
         seconds.append(time.perf_counter() - start)
+    graph.settle()
     median, late, longest = 1e3 * np.percentile(seconds, [50, 99, 100])
     print(f"incremental: {median:.1f} ms median, {late:.0f} ms 99th percentile, {longest:.0f} ms longest", end=", ")
     print(f"{verdict(survey, graph.solver.poses())}, {counts(graph.believed, n_true)}", flush=True)

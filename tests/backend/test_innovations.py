@@ -132,3 +132,32 @@ def test_large_turns_are_kept(make_survey):
     turn[:3, :3] = Rotation.from_rotvec([0, 0, 3.0]).as_matrix()
     measured = invert(T[3]) @ turn @ T[40]
     np.testing.assert_allclose(survey.compared([RelativePose(3, 40, measured, TIGHT)]).yaw, 3.0, atol=0.2)
+
+
+def test_about_other_poses_the_innovations_are_the_same_to_first_order(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    closures = survey.true_closures(rng)
+    moved = survey.dr_anchors.copy()
+    moved[:, :2, 3] += np.cumsum(rng.normal(0.0, 0.05, (len(moved), 2)), axis=0)
+    here, there = survey.compared(closures), innovations(moved, survey.odometry(), closures)
+    assert np.abs(there.explained).max() > 0.2  # the odometry does disagree with the moved poses
+    # second order: what was moved, up to 1 m, times the turn that a closure asks for, up to 0.1 rad
+    np.testing.assert_allclose(there.residuals, here.residuals, rtol=0, atol=0.1)
+
+
+def test_the_reach_is_the_worst_horizontal_sigma_between_the_two_ends():
+    T, odometry = chain(5, variance=(1e-12, 0.01))
+    compared = innovations(T, odometry, [RelativePose(0, 4, invert(T[0]) @ T[4], TIGHT)])
+    np.testing.assert_allclose(compared.reach, 0.2, rtol=1e-4)  # four steps of 0.01 m**2
+    T, odometry = chain(3, variance=(1e-4, 1e-12))
+    compared = innovations(T, odometry, [RelativePose(0, 2, invert(T[0]) @ T[2], TIGHT)])
+    # the first step's yaw of 0.01 rad swings the second of 10 m, the second's nothing
+    np.testing.assert_allclose(compared.reach, 0.1, rtol=1e-4)
+
+
+def test_the_chance_is_kept_with_its_closure(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    closures = survey.true_closures(rng)[:3]
+    compared = innovations(survey.dr_anchors, survey.odometry(), closures, [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(compared[np.array([2, 0])].chance, [0.3, 0.1])
+    np.testing.assert_array_equal(survey.compared(closures).chance, 1.0)
