@@ -19,6 +19,11 @@ class PriorConfig(BaseModel):
     roughness: float = Field(
         default=1.0, gt=0, description="Spectrum of the smooth relief against what the dive's echoes show [1]."
     )
+    least_roughness: float = Field(
+        default=2e-3,
+        gt=0,
+        description="No floor is believed smoother than this spectrum [1]; elsewhere it may be rougher.",
+    )
     longest: float = Field(
         default=100.0,
         gt=0,
@@ -251,7 +256,7 @@ def make_prior(raster: Raster, tables: Tables, seafloor: Seafloor, config: Prior
     angle = tables.angle_step * np.arange(tables.log_beam.shape[1])
     covariance = np.exp(-0.5 * ((angle[:, None] - angle) / config.beam_length) ** 2) + 1e-4 * np.eye(len(angle))
     return Prior(
-        area / relief_spectrum(k2, config.roughness * seafloor.roughness, config.longest),
+        area / relief_spectrum(k2, max(config.roughness * seafloor.roughness, config.least_roughness), config.longest),
         area / reflectivity_spectrum(k2, deviation, seafloor.length),
         config.object_height * raster.spacing,
         config.object_weight,

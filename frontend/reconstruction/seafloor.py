@@ -105,7 +105,7 @@ def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, flo
     images = []
     for side in range(2):
         floor = bins.floor[side]
-        ratio = (bins.intensity[:, side] - floor) / np.maximum(mu[:, side] - floor, 1e-300)
+        ratio = (bins.intensity[:, side] - floor) / np.maximum(mu[:, side] - floor, 1e-9 * floor)
         good = inside & (bins.looks[:, side] > 0)
         cells = row[good] * n_x + column[good]
         count = np.bincount(cells, minlength=n_y * n_x)
