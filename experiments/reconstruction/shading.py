@@ -8,8 +8,9 @@ from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry
 from frontend.reconstruction.coiras import CoirasConfig, Relief, submap_of_images
 from frontend.reconstruction.ground_image import ground_image, shadow_image, shadows_of_lines
-from frontend.reconstruction.image_cost import Estimate, ImageCost, from_cosine, to_cosine
+from frontend.reconstruction.image_cost import Estimate, ImageCost
 from frontend.reconstruction.joint import cell_spacing
+from frontend.reconstruction.unknowns import from_cosine, to_cosine
 from frontend.reconstruction.window_data import window_data
 from frontend.recording import Recording
 from frontend.submaps import Submap

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.fft import dctn, idctn
 
 from frontend.arrays import BoolArray, FloatArray, IntArray
 from frontend.reconstruction.ground_image import GroundImage
+from frontend.reconstruction.unknowns import from_cosine, to_cosine
 
 Part = Literal["reflectivity", "beam", "height"]
 
@@ -296,35 +296,3 @@ class ImageCost:
         result[:, 1:] += along[:, 1:] / dy
         result[:, :-1] -= along[:, 1:] / dy
         return result
-
-
-def to_cosine(images: FloatArray) -> FloatArray:
-    """Orthonormal cosine coefficients of images.
-
-    Parameters
-    ----------
-    images : ndarray, shape (..., n_y, n_x)
-        Images.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (..., n_y, n_x)
-        Their coefficients.
-    """
-    return np.asarray(dctn(images, axes=(-2, -1), norm="ortho"))
-
-
-def from_cosine(coefficients: FloatArray) -> FloatArray:
-    """Images of orthonormal cosine coefficients.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (..., n_y, n_x)
-        Coefficients.
-
-    Returns
-    -------
-    images : ndarray, shape (..., n_y, n_x)
-        The images.
-    """
-    return np.asarray(idctn(coefficients, axes=(-2, -1), norm="ortho"))
