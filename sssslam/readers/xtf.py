@@ -11,6 +11,7 @@ import numpy as np
 from frontend.arrays import FloatArray
 from frontend.georeference import Georeference
 from frontend.recording import Recording, SonarGeometry
+from sssslam.readers.layout import as_float64
 from sssslam.readers.ping_times import repair_times
 from sssslam.readers.xtf_better_navigation import better_navigation
 from sssslam.readers.xtf_blocks import Blocks, read_blocks
@@ -183,7 +184,7 @@ def _check_rows(rows: Rows) -> None:
 def _nominal_interval(blocks: Blocks, rows: Rows) -> float:
     """Time between pings where no stamp tells: as recorded, or the time that sound needs there and back [s]."""
     sides = np.maximum(rows.port, rows.starboard)
-    recorded = blocks.header["SecondsPerPing"][sides].astype(np.float64)
+    recorded = as_float64(blocks.header["SecondsPerPing"][sides])
     known = recorded[(recorded > 1e-3) & (recorded < 60)]
     travel = float(np.median(rows.sample_spacing * blocks.n_samples[sides])) * 2 / 1500.0
     return float(np.median(known)) if known.size else max(travel, 1e-3)

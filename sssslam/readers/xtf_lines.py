@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frontend.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from sssslam.readers.layout import as_float64
 from sssslam.readers.xtf_blocks import Blocks
 from sssslam.readers.xtf_channels import Channel, Pair
 from sssslam.readers.xtf_samples import far_end_first, read_samples, reverse_lines
@@ -72,8 +73,8 @@ def slant_ranges(blocks: Blocks, sound_speed: FloatArray) -> FloatArray:
     slant_range : ndarray, shape (B,)
         Slant range as recorded, or else from the duration [m]; 0 where both are missing or implausible.
     """
-    recorded = blocks.header["SlantRange"].astype(np.float64)
-    from_duration = blocks.header["TimeDuration"].astype(np.float64) * sound_speed[blocks.ping] / 2
+    recorded = as_float64(blocks.header["SlantRange"])
+    from_duration = as_float64(blocks.header["TimeDuration"]) * sound_speed[blocks.ping] / 2
     for values in (recorded, from_duration):
         values[~((values > 0) & (values < _MAX_SLANT_RANGE))] = 0.0
     return np.where(recorded > 0, recorded, from_duration)

@@ -8,6 +8,7 @@ import pyxtf
 
 from frontend.arrays import AnyArray, BoolArray, FloatArray
 from sssslam.readers.held_navigation import stray_positions
+from sssslam.readers.layout import as_float64
 from sssslam.readers.ping_times import seconds_since_1970
 
 _DEGREES = pyxtf.XTFNavUnits.latlon.value
@@ -92,7 +93,7 @@ def sound_speeds(pings: AnyArray) -> tuple[FloatArray, list[str]]:
 
 def _plausible(field: AnyArray, low: float, high: float) -> FloatArray:
     """A field as float64; NaN outside its bounds."""
-    values = field.astype(np.float64)
+    values = as_float64(field)
     return np.where((values >= low) & (values <= high), values, np.nan)
 
 
@@ -145,7 +146,7 @@ def raw_navigation(pings: AnyArray, nav_units: int) -> tuple[RawNavigation, bool
 def _positions(pings: AnyArray) -> tuple[FloatArray, FloatArray, list[str]]:
     """East and north of the sensor, or else of the ship; NaN where both are zero."""
     for body, notes in (("Sensor", []), ("Ship", ["no sensor position: the ship's is taken"])):
-        east, north = (pings[f"{body}{axis}coordinate"].astype(np.float64) for axis in "XY")
+        east, north = (as_float64(pings[f"{body}{axis}coordinate"]) for axis in "XY")
         is_good = np.isfinite(east) & np.isfinite(north) & ((east != 0) | (north != 0))
         if is_good.any():
             return np.where(is_good, east, np.nan), np.where(is_good, north, np.nan), notes

@@ -7,6 +7,7 @@ import pyxtf
 
 from frontend.arrays import AnyArray, BoolArray, FloatArray
 from sssslam.navigation.series import Series, make_series
+from sssslam.readers.layout import as_float64
 from sssslam.readers.ping_times import seconds_since_1970
 from sssslam.readers.xtf_packets import PacketIndex, gather, layout
 
@@ -92,7 +93,7 @@ def packet_times(packets: AnyArray) -> FloatArray:
         [packets[name].astype(np.float64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")]
     )
     name = next(name for name in _FRACTION_NAMES if name in (packets.dtype.names or ()))
-    count = packets[name].astype(np.float64)
+    count = as_float64(packets[name])
     fine = 1e-4 if count.max(initial=0.0) <= _TENTHS_OF_MILLISECONDS else 1e-6
     unit = 1e-3 if name == "Millisecond" else fine
     civil[5] += np.where(count * unit < 1.0, count * unit, np.nan)
@@ -101,7 +102,7 @@ def packet_times(packets: AnyArray) -> FloatArray:
 
 def _recorded(field: AnyArray, bound: float, is_empty: BoolArray) -> FloatArray:
     """A field as float64; NaN beyond its bound, in packets without position, and throughout if it never was set."""
-    values = field.astype(np.float64)
+    values = as_float64(field)
     values = np.where(np.isfinite(values) & (np.abs(values) <= bound) & ~is_empty, values, np.nan)
     return values if np.any(np.nan_to_num(values) != 0) else np.full(len(values), np.nan)
 

@@ -517,3 +517,13 @@ def test_the_scotsman_dive_cut_anywhere_gives_its_first_pings_or_one_line(record
             continue
         np.testing.assert_array_equal(recording.port, whole.port[: recording.n_pings])
         assert recording.n_pings == (cut - 1024) // 4480 - 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_signalling_nan_in_a_header_is_unknown_and_warns_of_nothing(scene, write):
+    data = bytearray(scene(ping={"SensorPitch": 0.125}).to_bytes())
+    told, signalling = struct.pack("<f", 0.125), b"\x01\x00\xa0\x7f"
+    assert data.count(told) >= 3
+    at = data.find(told)
+    data[at : at + 4] = signalling
+    assert np.isfinite(read_xtf(write(bytes(data))).trajectory_dr.pitch).all()
