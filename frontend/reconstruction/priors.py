@@ -94,7 +94,7 @@ class Prior:
         objects = 0.5 * self.object_weight * np.log1p((x.objects / self.object_height) ** 2).sum()
         squares = (self.background * to_cosine(x.background) ** 2).sum()
         squares += (self.reflectivity * to_cosine(x.log_reflectivity) ** 2).sum()
-        squares += np.vdot(x.beam, x.beam @ self.beam) + self.gain * np.vdot(x.gain, x.gain)
+        squares += (x.beam * (x.beam @ self.beam)).sum() + self.gain * (x.gain**2).sum()
         return float(objects + 0.5 * squares)
 
     def gradient(self, x: Unknowns) -> Unknowns:
