@@ -5,17 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from frontend.arrays import AnyArray, FloatArray, IntArray
 from frontend.bottom import Bottom
 from frontend.noise import floor_over_range, mean_floor
-from frontend.range_law import Excess, angle_knots, fit_beam_and_range
+from frontend.range_law import Excess, fit_beam_and_range
 from frontend.recording import Quantity, Recording
 from frontend.transfer import Transfer, estimate_transfer, to_intensity
 
-__all__ = ["Radiometry", "RadiometryConfig", "Seafloor", "Tables", "estimate_radiometry", "refine", "to_intensity"]
+__all__ = ["Radiometry", "RadiometryConfig", "Seafloor", "Tables", "estimate_radiometry", "to_intensity"]
 
 _N_RANGE_KNOTS = 260
-_MOST_STEP = 3.0  # that a beam pattern moves in one round, as a logarithm: a window gone wrong says more
 
 
 class RadiometryConfig(BaseModel):
@@ -38,11 +37,6 @@ class RadiometryConfig(BaseModel):
         description="Windows [1] reconstructed coarsely to refine the beam pattern: their slopes average out.",
     )
     n_rounds: int = Field(default=2, ge=0, description="Rounds [1] of that refinement; more changes nothing.")
-    smoothness: float = Field(
-        default=30.0,
-        ge=0,
-        description="Weight [1] of the beam pattern's second differences between knots; hides speckle.",
-    )
 
 
 @dataclass(frozen=True)
@@ -176,53 +170,6 @@ def _chosen(bottom: Bottom, pings: IntArray) -> Bottom:
         is_found=None if bottom.is_found is None else bottom.is_found[pings],
         last_usable_sample=None if last is None else last[pings],
     )
-
-
-def refine(tables: Tables, angle: FloatArray, measured: FloatArray, modelled: FloatArray, smoothness: float) -> Tables:
-    """Move the beam pattern so that measured and modelled energy agree angle by angle.
-
-    Parameters
-    ----------
-    tables : Tables
-        The tables behind ``modelled``.
-    angle : ndarray, shape (2, K)
-        Angle from the body's nadir of each bin of a side [rad]; NaN where nothing is seen.
-    measured, modelled : ndarray, shape (2, K)
-        Weighted intensities above the noise floor; zero where a bin says nothing.
-    smoothness : float
-        Weight of second differences.
-
-    Returns
-    -------
-    tables : Tables
-        New beam pattern, all else unchanged.
-    """
-    log_beam = tables.log_beam.copy()
-    for side in range(2):
-        good = np.isfinite(angle[side])
-        knots = angle_knots(angle[side][good], tables.angle_first, tables.angle_step, log_beam.shape[1])
-        top = np.bincount(knots, measured[side][good], log_beam.shape[1])
-        base = np.bincount(knots, modelled[side][good], log_beam.shape[1])
-        known = (top > 0) & (base > 0)
-        step = np.log(top[known] / base[known])
-        log_beam[side] += _smooth(step, known, base / max(base.sum(), 1e-300) * log_beam.shape[1], smoothness)
-    return replace(tables, log_beam=log_beam)
-
-
-def _smooth(values: FloatArray, known: BoolArray, weight: FloatArray, smoothness: float) -> FloatArray:
-    """Least squares through the known knots with small second differences; the last known value goes on beyond."""
-    n = known.size
-    if not known.any():
-        return np.zeros(n)
-    w = np.where(known, np.minimum(weight, 10.0), 0.0) + 1e-9
-    target = np.zeros(n)
-    target[known] = np.clip(values, -_MOST_STEP, _MOST_STEP)
-    second = np.diff(np.eye(n), 2, axis=0)
-    first = np.diff(np.eye(n), 1, axis=0)
-    normal = np.diag(w) + 1e-2 * smoothness * second.T @ second + 1e-4 * first.T @ first
-    solved = np.linalg.solve(normal, w * target)
-    ends = np.flatnonzero(known)[[0, -1]]
-    return np.asarray(solved[np.clip(np.arange(n), *ends)])
 
 
 def _slant_range(recording: Recording) -> FloatArray:

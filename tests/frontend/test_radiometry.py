@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frontend.bottom import BottomConfig, find_bottom
-from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry, refine, to_intensity
+from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry, to_intensity
 from frontend.recording import Quantity, Recording, SonarGeometry
 from frontend.transfer import DECIBEL
 from sssslam.simulation.receiver import LogRecorder
@@ -119,50 +119,6 @@ def test_roll_and_pitch_do_not_bend_the_beam_pattern() -> None:
 
 def flat_tables(n_knots: int = 61) -> Tables:
     return Tables(np.zeros((2, n_knots)), -0.5, 0.035, np.zeros(260), 0.25, np.zeros(2), 2.0)
-
-
-def test_refining_moves_the_pattern_to_where_measured_and_modelled_agree() -> None:
-    tables = flat_tables()
-    angle = np.tile(np.linspace(-0.4, 1.5, 3000), (2, 1))
-    modelled = np.ones_like(angle)
-    measured = np.stack([np.exp(0.3 + 0.2 * angle[0]), np.full(3000, 0.5)])
-    refined = refine(tables, angle, measured, modelled, 30.0)
-    inside = (knots(tables) > -0.3) & (knots(tables) < 1.4)
-    # a straight line has no second difference; the rest is the weak pull to a level one
-    np.testing.assert_allclose(refined.log_beam[0][inside], (0.3 + 0.2 * knots(tables))[inside], atol=0.01)
-    np.testing.assert_allclose(refined.log_beam[1][inside], np.log(0.5), atol=1e-3)
-    np.testing.assert_array_equal(tables.log_beam, 0.0)
-
-
-def test_agreement_changes_nothing() -> None:
-    angle = np.tile(np.linspace(0.0, 1.4, 500), (2, 1))
-    energy = np.random.default_rng(1).uniform(1, 2, angle.shape)
-    np.testing.assert_allclose(refine(flat_tables(), angle, energy, energy, 30.0).log_beam, 0.0, atol=1e-12)
-
-
-def test_angles_nothing_is_seen_at_continue_their_neighbours() -> None:
-    angle = np.tile(np.linspace(0.5, 1.0, 500), (2, 1))
-    angle[:, ::5] = np.nan
-    refined = refine(flat_tables(), angle, np.full(angle.shape, 2.0), np.ones(angle.shape), 30.0)
-    np.testing.assert_allclose(refined.log_beam, np.log(2.0), atol=1e-3)
-
-
-def test_angles_beyond_the_table_count_at_its_ends() -> None:
-    angle = np.tile([-9.0, 9.0], (2, 1))
-    refined = refine(flat_tables(), angle, np.full((2, 2), np.e), np.ones((2, 2)), 30.0)
-    # the weak pull to a level line shows between two far ends
-    np.testing.assert_allclose(refined.log_beam, 1.0, atol=1e-3)
-
-
-def test_a_side_that_saw_nothing_keeps_its_pattern() -> None:
-    angle, nothing = np.full((2, 50), np.nan), np.zeros((2, 50))
-    np.testing.assert_array_equal(refine(flat_tables(), angle, nothing, nothing, 30.0).log_beam, 0.0)
-
-
-def test_a_step_beyond_belief_is_bounded() -> None:
-    angle = np.tile(np.linspace(0.0, 1.4, 500), (2, 1))
-    gone = refine(flat_tables(), angle, np.full(angle.shape, 1e30), np.ones(angle.shape), 30.0)
-    assert np.abs(gone.log_beam).max() <= 3.0 + 1e-6
 
 
 def test_logarithms_of_a_dive_give_its_beam_pattern() -> None:
