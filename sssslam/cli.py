@@ -228,6 +228,24 @@ def convert(
     commands.convert(Dive(recordings, channels, nav, clock_offset, navigation), file)
 
 
+@app.command()
+def view(
+    out: Annotated[Path, typer.Argument(help="Folder of a finished run, or of a reconstruction.", show_default=False)],
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+) -> None:
+    """Examples:
+
+    \b
+      sssslam view out              write out/view.html and open it in the browser
+      sssslam view out --no-open    write it only
+
+    Draw seafloor, tracks and loop closures in three dimensions: one page that needs no other file and no network.
+    """
+    from sssslam import commands
+
+    commands.view(out, show)
+
+
 @app.command(name="config")
 def show_config() -> None:
     """Examples:

@@ -260,6 +260,25 @@ def convert(dive: Dive, file: Path) -> None:
     out_console.print(f"{file}: {recording.n_pings} pings of {recording.n_samples} samples a side")
 
 
+def view(out: Path, show: bool) -> None:
+    """Draw a run in three dimensions, and show it.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of a finished run, or of a reconstruction by itself.
+    show : bool
+        Whether to open the page in the browser, where there is one and a display.
+    """
+    from sssslam.browser import open_page
+    from sssslam.products.viewer import write_view
+
+    page = write_view(out)
+    out_console.print(f"view: {page}")
+    if show and not open_page(page):
+        out_console.print("no display or browser to show it; open it in any browser")
+
+
 def show_config() -> None:
     """Print the default configuration."""
     from sssslam.config import default_toml

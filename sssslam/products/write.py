@@ -28,6 +28,7 @@ OWNED = (
     *("trajectory.tum", "trajectory_dr.tum", "trajectory_ref.tum", "trajectory.csv", "trajectory.geojson"),
     *("loop_closures.csv", "graph.g2o"),
     *("submaps/[0-9][0-9][0-9][0-9]*.ply", "seafloor.tif", "mosaic.tif", "report.html", "config.toml", "run.json"),
+    "view.html",
     *(f"figures/{name}.png" for name in FIGURES),
 )
 

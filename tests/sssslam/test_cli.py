@@ -17,7 +17,7 @@ from sssslam.readers import read
 from sssslam.readers.netcdf import write_netcdf
 from tests.frontend.flat_floor import FlatFloor
 
-COMMANDS = ["demo", "run", "simulate", "reconstruct", "evaluate", "info", "convert", "config"]
+COMMANDS = ["demo", "run", "simulate", "reconstruct", "evaluate", "info", "convert", "view", "config"]
 Shell = Callable[..., tuple[int, str, str]]
 
 
@@ -86,6 +86,8 @@ def test_the_version_is_that_of_the_package(shell: Shell) -> None:
         ["convert", "dive.xtf"],
         ["demo", "--seed", "many"],
         ["info"],
+        ["view"],
+        ["view", "out", "--colour", "red"],
     ],
     ids=" ".join,
 )
