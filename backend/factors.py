@@ -89,13 +89,15 @@ def between_factor(relative: RelativePose) -> gtsam.BetweenFactorPose3:
     return gtsam.BetweenFactorPose3(relative.target, relative.source, gtsam.Pose3(relative.T_target_source), noise)
 
 
-def between_factors(relative_poses: Sequence[RelativePose]) -> list[gtsam.BetweenFactorPose3]:
+def between_factors(relative_poses: Sequence[RelativePose], scale: float = 1.0) -> list[gtsam.BetweenFactorPose3]:
     """Hold many pairs of anchors together.
 
     Parameters
     ----------
     relative_poses : sequence of RelativePose
         The measurements.
+    scale : float
+        Standard deviations are taken this much larger.
 
     Returns
     -------
@@ -106,7 +108,8 @@ def between_factors(relative_poses: Sequence[RelativePose]) -> list[gtsam.Betwee
         return []
     T = np.stack([relative.T_target_source for relative in relative_poses])
     covariances = tangent_covariance(T, np.stack([relative.covariance for relative in relative_poses]))
-    noises = [gtsam.noiseModel.Gaussian.Covariance(covariance) for covariance in covariances]
+    upper = np.linalg.cholesky(covariances[:, ::-1, ::-1])[:, ::-1, ::-1]  # covariance is upper @ upper.T
+    noises = [gtsam.noiseModel.Gaussian.SqrtInformation(root) for root in np.linalg.inv(scale * upper)]
     measured = zip(relative_poses, noises, strict=True)
     return [
         gtsam.BetweenFactorPose3(relative.target, relative.source, gtsam.Pose3(relative.T_target_source), noise)
@@ -187,7 +190,10 @@ def poses_of(values: gtsam.Values) -> FloatArray:
     T_world_anchor : ndarray, shape (S, 4, 4)
         Poses of the anchors.
     """
-    return np.stack([values.atPose3(anchor).matrix() for anchor in range(values.size())])
+    rows = gtsam.utilities.extractPose3(values)  # rotation by rows, then translation
+    T = np.tile(np.eye(4), (len(rows), 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = rows[:, :9].reshape(-1, 3, 3), rows[:, 9:]
+    return T
 
 
 def graph_of(factors: Iterable[gtsam.NonlinearFactor]) -> gtsam.NonlinearFactorGraph:

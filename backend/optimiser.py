@@ -1,4 +1,4 @@
-"""GTSAM's optimisers: Levenberg-Marquardt, graduated non-convexity, marginal covariances."""
+"""Solving graphs of GTSAM: least squares, graduated non-convexity, marginal covariances."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,16 +8,15 @@ import numpy as np
 from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
+from backend.descent import descend, descend_once
 from backend.factors import between_factors, graph_of, pose_values, poses_of
 from backend.poses import RelativePose, invert, logarithm, tangent_covariance
 
 _DIMENSIONS = 6  # of a relative pose
 _CONTROL_STEP = 2.0  # of the control parameter; Yang et al. have 1.4, which gives the same weights
 _MAX_STEPS = 40  # of the control parameter; from squared residuals 1e6 times the limit to weights of zero and one
-_STEPS_BETWEEN = 1  # of the optimiser at each; the next begins where it ends
 _LEAST_WEIGHT = 1e-6  # below, a measurement is as good as left out
-_ROUGH_TOLERANCE = 1e-3  # of the error; what is left moves no residual by a tenth of its sigma
-_RELATIVE_TOLERANCE = 1e-9  # GTSAM's own 1e-5 stops before the minimum on long chains
+_ROUGH_SHARE = 1e-3  # of the error that is left to gain; it moves no residual by a tenth of its sigma
 
 
 def optimise(factors: Sequence[gtsam.NonlinearFactor], T_start: FloatArray) -> FloatArray:
@@ -35,8 +34,7 @@ def optimise(factors: Sequence[gtsam.NonlinearFactor], T_start: FloatArray) -> F
     T : ndarray, shape (S, 4, 4)
         The poses of the minimum.
     """
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph_of(factors), pose_values(T_start), _lm_params())
-    return poses_of(optimizer.optimize())
+    return poses_of(descend(graph_of(factors), pose_values(T_start), 0.0))
 
 
 def improve(factors: Sequence[gtsam.NonlinearFactor], T_start: FloatArray) -> FloatArray:
@@ -54,9 +52,7 @@ def improve(factors: Sequence[gtsam.NonlinearFactor], T_start: FloatArray) -> Fl
     T : ndarray, shape (S, 4, 4)
         Poses near the minimum.
     """
-    params = gtsam.LevenbergMarquardtParams()
-    params.setRelativeErrorTol(_ROUGH_TOLERANCE)
-    return poses_of(gtsam.LevenbergMarquardtOptimizer(graph_of(factors), pose_values(T_start), params).optimize())
+    return poses_of(descend(graph_of(factors), pose_values(T_start), _ROUGH_SHARE))
 
 
 def truncated_weights(
@@ -123,13 +119,10 @@ def _weights(squared: FloatArray, limit: float, control: float) -> FloatArray:
 def _improved(
     known: Sequence[gtsam.NonlinearFactor], doubtful: Sequence[RelativePose], weights: FloatArray, values: gtsam.Values
 ) -> gtsam.Values:
-    """Poses after a few steps of weighted least squares."""
+    """Poses after a step of weighted least squares; the next begins where it ends."""
     pairs = zip(doubtful, weights, strict=True)
     weighted = [replace(one, covariance=one.covariance / weight) for one, weight in pairs if weight > _LEAST_WEIGHT]
-    graph = graph_of([*known, *between_factors(weighted)])
-    params = gtsam.LevenbergMarquardtParams()
-    params.setMaxIterations(_STEPS_BETWEEN)
-    return gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    return descend_once(graph_of([*known, *between_factors(weighted)]), values)
 
 
 def residual_distances(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> FloatArray:
@@ -192,10 +185,3 @@ def half_squared_error(factors: Sequence[gtsam.NonlinearFactor], T: FloatArray) 
         The error.
     """
     return float(graph_of(factors).error(pose_values(T)))
-
-
-def _lm_params() -> gtsam.LevenbergMarquardtParams:
-    """Settings of Levenberg-Marquardt."""
-    params = gtsam.LevenbergMarquardtParams()
-    params.setRelativeErrorTol(_RELATIVE_TOLERANCE)
-    return params

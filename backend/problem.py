@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import gtsam
 import numpy as np
@@ -57,20 +58,16 @@ class Problem:
             First pose, odometry, depth and tilt, fixes; made once for each scale.
         """
         if scale not in self._made:
-            self._made[scale] = self._make_known(scale)
+            first, *others = self._unscaled
+            self._made[scale] = [first, *between_factors(self.odometry, scale), *others]
         return self._made[scale]
 
-    def _make_known(self, scale: float) -> list[gtsam.NonlinearFactor]:
-        """What `known_factors` remembers."""
+    @cached_property
+    def _unscaled(self) -> list[gtsam.NonlinearFactor]:
+        """First pose, depth and tilt, fixes: the same at every scale."""
         T = self.T_world_anchor_dr
         unary = [factor for known in self.unary for factor in unary_factors(T[known.anchor], known)]
-        fixes = [fix_factor(fix) for fix in self.fixes]
-        return [
-            first_pose_factor(T[0], self.first_pose_sigmas),
-            *between_factors(self.stretched(scale)),
-            *unary,
-            *fixes,
-        ]
+        return [first_pose_factor(T[0], self.first_pose_sigmas), *unary, *(fix_factor(fix) for fix in self.fixes)]
 
     def stretched(self, scale: float) -> list[RelativePose]:
         """Odometry with larger standard deviations.
