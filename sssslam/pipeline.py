@@ -21,10 +21,12 @@ from frontend.trajectory import Trajectory
 from frontend.windows import Window, sliding_windows
 from sssslam.config import Config, resolve
 from sssslam.dead_reckoning import dead_reckon
+from sssslam.fixes import fixes_at_anchors
+from sssslam.graph import anchor_pings, make_graph, prior_covariance, solve_at_fixes, solve_graph
 from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.readers.joining import join
-from sssslam.stages import close_loops, correct, decided, notes, prior_covariance, reconstruct_windows, solve_graph
+from sssslam.stages import close_loops, correct, decided, notes, reconstruct_windows
 from sssslam.watch import Watch
 
 N_FIRST_WINDOWS = 4  # that Slam waits for before it calibrates the sonar
@@ -71,7 +73,9 @@ def slam(
     closures = override(found, overrides)
     # loop closures to a trajectory
     with watch.stage("pose graph"):
-        solution = solve_graph(submaps, closures, dead_reckoning, config, overrides)
+        graph = make_graph(submaps, closures, dead_reckoning, config, overrides)
+        seen = fixes_at_anchors(recording, anchor_pings(submaps), dead_reckoning, config.do_no_harm)
+        solution, fixes = solve_at_fixes(graph, seen, dead_reckoning, config)
     closures = decided(closures, solution)
     with watch.stage("correction"):
         trajectory, sigmas = correct(recording.trajectory_dr, submaps, solution, dead_reckoning)
@@ -85,7 +89,8 @@ def slam(
         tuple(closures),
         solution,
         watch.seconds,
-        (*notes(recording, bottom, radiometry, config), *override_notes(found, closures, overrides)),
+        (*notes(recording, bottom, radiometry, config), *fixes.notes, *override_notes(found, closures, overrides)),
+        fixes.counts,
     )
 
 

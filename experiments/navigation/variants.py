@@ -17,8 +17,9 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from sssslam.config import Config
 from sssslam.dead_reckoning import first_pose_sigmas
+from sssslam.graph import anchor_pings, solve_graph
 from sssslam.products.result import Result
-from sssslam.stages import anchor_pings, correct, decided, solve_graph
+from sssslam.stages import correct, decided
 
 _NEAR = 30.0  # m between anchors that truly show the same place: half a window
 _SIGMAS = np.array([0.005, 0.005, 0.01, 0.3, 0.3, 0.1])  # of a closure given from the truth

@@ -30,7 +30,7 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
     -------
     recording : Recording
         Positions start at the first recorded one and follow heading and speed; attitude and height stay. The track as
-        recorded, where the vehicle moves in it, is its truth: the reference.
+        recorded, where the vehicle moves in it, is its truth: the reference. Fixes of a receiver are left out.
 
     Raises
     ------
@@ -52,6 +52,8 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
         recording,
         trajectory_dr=track,
         truth=Truth(recorded) if recorded.distance[-1] > 0 else None,
+        # what judges the track must not hold it
+        sensors={name: series for name, series in recording.sensors.items() if name != "gnss"},
         notes=(*recording.notes, *_notes(recording, track)),
     )
 

@@ -162,6 +162,7 @@ def _counts(result: "Result") -> dict[str, int]:
         "submaps": len(result.submaps),
         "candidates": len(result.loop_closures),
         "loop_closures": sum(bool(closure.accepted) for closure in result.loop_closures),
+        **result.counts,
     }
 
 

@@ -42,6 +42,8 @@ class Result:
         Seconds of wall time, one entry a stage in running order.
     notes : tuple of str
         What was chosen or found suspicious, a sentence each.
+    counts : dict of str to int
+        What else was counted, for ``run.json``.
     """
 
     recording: Recording
@@ -54,6 +56,7 @@ class Result:
     solution: PoseGraphSolution
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
 
     def write(self, out: str | os.PathLike[str], metrics: "Sequence[Measured]" = ()) -> None:
         """Write every product of the run.

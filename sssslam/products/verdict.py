@@ -80,7 +80,8 @@ def _ran(manifest: Mapping[str, Any]) -> str:
 
 
 def _count(n: int, noun: str) -> str:
-    return f"{n:,} {noun}".replace(",", "\u202f") + ("s" if n != 1 and noun != "more" else "")
+    ending = "" if n == 1 or noun == "more" else "es" if noun.endswith("x") else "s"
+    return f"{n:,} {noun}".replace(",", "\u202f") + ending
 
 
 def _closures(counts: Mapping[str, int], metrics: Mapping[str, float | None]) -> str:
@@ -99,8 +100,10 @@ def _closures(counts: Mapping[str, int], metrics: Mapping[str, float | None]) ->
 
 def _moved(manifest: Mapping[str, Any]) -> str:
     rms, most = (format_metric(manifest["track"][name], "m") for name in ("shift_rms", "shift_max"))
-    if manifest["counts"]["loop_closures"]:
-        return f"They moved the track by {rms} (root mean square), at most {most}."
+    n_closures, n_fixes = manifest["counts"]["loop_closures"], manifest["counts"].get("fixes", 0)
+    movers = [*(["They"] if n_closures else []), *([_count(n_fixes, "fix") + " at the surface"] if n_fixes else [])]
+    if movers:
+        return f"{' and '.join(movers)} moved the track by {rms} (root mean square), at most {most}."
     if manifest["track"]["shift_max"] < _SAME_TRACK:
         return "Without a loop closure there is nothing to correct: the track is the dead-reckoned one."
     return f"The track was moved by at most {most} all the same."

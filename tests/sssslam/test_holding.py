@@ -11,9 +11,9 @@ from frontend.frames import invert, planar_pose
 from frontend.loop_closures import LoopClosure
 from sssslam import holding
 from sssslam.config import Config
+from sssslam.graph import solve_graph
 from sssslam.holding import INSOLUBLE, hold
 from sssslam.overrides import Overrides
-from sssslam.stages import solve_graph
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
 SIGMAS = np.array([0.01, 0.01, 0.005, 0.1, 0.1, 0.1])

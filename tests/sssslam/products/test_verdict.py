@@ -43,6 +43,15 @@ def test_rejected_candidates_and_a_moved_track_are_told() -> None:
     assert said[2] == "The track was moved by at most 0.500\u00a0m all the same."
 
 
+@pytest.mark.parametrize(
+    ("accepted", "n_fixes", "movers"), [(0, 1, "1 fix at the surface"), (5, 7, "They and 7 fixes at the surface")]
+)
+def test_fixes_that_moved_the_track_are_told(accepted: int, n_fixes: int, movers: str) -> None:
+    run = manifest(accepted=accepted)
+    said = verdict({**run, "counts": {**run["counts"], "fixes": n_fixes}})
+    assert said[2] == f"{movers} moved the track by 2.00\u00a0m (root mean square), at most 4.00\u00a0m."
+
+
 def test_one_is_singular_and_dropped_pings_are_told() -> None:
     said = verdict(
         {**manifest(accepted=1), "counts": {**manifest(accepted=1)["counts"], "pings_dropped": 4, "submaps": 1}}
