@@ -1,0 +1,172 @@
+"""Surroundings: a submap's relief with what its neighbours along the track add; more floor tells more of the place."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from frontend.arrays import FloatArray
+from frontend.frames import invert, planar_parameters, transform
+from frontend.relief import Relief
+from frontend.sampling import sample_rasters
+from frontend.submaps import Submap
+
+
+class SurroundingsConfig(BaseModel):
+    """How much of the track around a submap is compared with it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    reach: float | None = Field(
+        default=None,
+        ge=0,
+        description="Distance along the track [m] from a submap's anchor to the farthest ping of a neighbour whose "
+        "floor is compared with it; unset: 1.5 slant ranges, over which dead reckoning is rigid enough; 0: none.",
+    )
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Pose of a submap by dead reckoning and the relief in it."""
+
+    T_world_submap: FloatArray
+    relief: Relief
+
+
+def neighbours(
+    submaps: Sequence[Submap], distance: FloatArray, position: int, pings: tuple[int, int], reach: float
+) -> range:
+    """Submaps around one that lie within a reach along the track and inside a range of pings.
+
+    Parameters
+    ----------
+    submaps : sequence of Submap
+        The submaps of a dive, in order.
+    distance : ndarray, shape (N,)
+        Distance run until each ping [m].
+    position : int
+        Which submap.
+    pings : tuple of int
+        First and end of the pings that may be looked at, so that two sides share none.
+    reach : float
+        Distance along the track from its anchor [m].
+
+    Returns
+    -------
+    neighbours : range
+        Positions without a gap, the submap itself among them.
+    """
+    here = distance[submaps[position].anchor_ping]
+
+    def belongs(k: int) -> bool:
+        first, last = submaps[k].first_ping, submaps[k].end_ping - 1
+        far = max(here - distance[first], distance[last] - here)
+        return bool(first >= pings[0] and last < pings[1] and far <= reach)
+
+    first, end = position, position + 1
+    while first > 0 and belongs(first - 1):
+        first -= 1
+    while end < len(submaps) and belongs(end):
+        end += 1
+    return range(first, end)
+
+
+def meeting_ping(target: Submap, source: Submap) -> int:
+    """Ping half way between two submaps: what is looked at for one ends here and for the other begins.
+
+    Parameters
+    ----------
+    target, source : Submap
+        Two submaps without a common ping, the target the earlier.
+
+    Returns
+    -------
+    ping : int
+        At least the target's end and at most the source's first.
+    """
+    return (target.end_ping + source.first_ping) // 2
+
+
+def lay_beside(submaps: Sequence[Submap], reliefs: Sequence[Relief], position: int, members: range) -> Relief:
+    """Lay the reliefs of neighbours beside that of a submap, by dead reckoning.
+
+    Parameters
+    ----------
+    submaps : sequence of Submap
+        The submaps of a dive.
+    reliefs : sequence of Relief
+        Theirs, in the same order, on grids of one spacing.
+    position : int
+        The submap in whose frame the result is.
+    members : range
+        Positions of those laid beside, this one among them.
+
+    Returns
+    -------
+    relief : Relief
+        Weighted means where several know a cell. Heights of the others are lifted and tilted onto what lies there.
+    """
+    if len(members) == 1:
+        return reliefs[position]
+    frames = [_Frame(submaps[k].T_world_submap_dr, reliefs[k]) for k in members]
+    own = frames[position - members.start]
+    grid, origin = _common_grid(frames, own)
+    points = grid.reshape(-1, 2)
+    outwards = sorted(range(len(frames)), key=lambda k: abs(k - (position - members.start)))
+    total = np.zeros((len(points), 5))
+    for k in outwards:
+        _add(total, _sampled(frames[k], own, points), points)
+    total[:, 1:] /= np.maximum(total[:, :1], 1e-12)
+    total[total[:, 0] <= 0, 4] = 1.0
+    weight, z, reflectivity, height, sigma = np.ascontiguousarray(total.T).reshape(5, *grid.shape[:2])
+    return Relief(z, np.minimum(weight, 1.0), reflectivity, height, sigma, own.relief.spacing, origin)
+
+
+def _common_grid(frames: Sequence[_Frame], own: _Frame) -> tuple[FloatArray, tuple[float, float]]:
+    """Cells of the own grid, continued until all frames are covered, shape (n_y, n_x, 2), and the first one's place."""
+    corners = np.concatenate([_corners(frame, own) for frame in frames])
+    spacing, start = own.relief.spacing, np.array(own.relief.origin)
+    low = np.floor((corners.min(axis=0) - start) / spacing).astype(int)
+    high = np.ceil((corners.max(axis=0) - start) / spacing).astype(int)
+    x, y = (start[k] + spacing * np.arange(low[k], high[k] + 1) for k in (0, 1))
+    return np.stack(np.meshgrid(x, y), axis=-1), (float(x[0]), float(y[0]))
+
+
+def _corners(frame: _Frame, own: _Frame) -> FloatArray:
+    """Outermost cells of a frame's grid in the own frame, shape (4, 2)."""
+    n_y, n_x = frame.relief.z.shape
+    cells = np.array([[0, 0], [n_x - 1, 0], [0, n_y - 1], [n_x - 1, n_y - 1]])
+    corners = cells * frame.relief.spacing + np.array(frame.relief.origin)
+    T = invert(own.T_world_submap) @ frame.T_world_submap
+    return np.asarray(transform(T, np.column_stack([corners, np.zeros(4)]))[:, :2])
+
+
+def _sampled(frame: _Frame, own: _Frame, points: FloatArray) -> FloatArray:
+    """Weight, relief, reflectivity, height in the own frame and sigma at points of the own frame, shape (K, 5)."""
+    r = frame.relief
+    T = invert(frame.T_world_submap) @ own.T_world_submap
+    rasters = np.stack([r.weight, r.z, r.reflectivity, r.height, r.sigma], axis=-1)
+    sampled = np.asarray(sample_rasters(rasters, points, (*r.origin, r.spacing), planar_parameters(T)))
+    sampled[:, 3] -= T[2, 3]
+    return sampled
+
+
+def _add(total: FloatArray, sampled: FloatArray, points: FloatArray) -> None:
+    """Add weighted samples to weighted sums, their heights brought onto those already there."""
+    common = (total[:, 0] > 0) & (sampled[:, 0] > 0)
+    if common.any():
+        above = sampled[common, 3] - total[common, 3] / total[common, 0]
+        sampled[:, 3] -= _plane_through(points[common], above, points)
+    total[:, 0] += sampled[:, 0]
+    total[:, 1:] += sampled[:, :1] * sampled[:, 1:]
+
+
+def _plane_through(points: FloatArray, heights: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Least-squares plane through heights, at other points; least tilted where they leave it open."""
+    centre = points.mean(axis=0)
+    x, y = (points - centre).T
+    basis = np.stack([np.ones_like(x), x, y])
+    normal, right = np.einsum("ik,jk->ij", basis, basis), np.einsum("ik,k->i", basis, heights)
+    offset, slope_x, slope_y = np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
+    return np.asarray(offset + slope_x * (wanted[:, 0] - centre[0]) + slope_y * (wanted[:, 1] - centre[1]))
