@@ -2,10 +2,14 @@
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
-from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.fft import ifft, irfft, next_fast_len, rfft2
 
 from frontend.arrays import AnyArray, FloatArray
+
+_OF_TARGET, _OF_SOURCE = [0, 1, 0, 2, 0, 1, 3], [0, 0, 1, 0, 2, 1, 3]  # w, wa, waa or mask times w, wb, wbb or mask
+_SIZES = (8, 9, 10, 12, 15, 16)  # in eighths of an octave, with factors that an FFT likes
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,75 @@ class CorrelationSurface:
     overlap: FloatArray
     shift_y: AnyArray
     shift_x: AnyArray
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """The shifts wanted of a correlation.
+
+    Parameters
+    ----------
+    first_y, end_y, first_x, end_x : int
+        Target cells that the source's first cell falls on: ``first <= cell < end`` along each axis.
+    """
+
+    first_y: int
+    end_y: int
+    first_x: int
+    end_x: int
+
+    def within(self, target: tuple[int, int], source: tuple[int, int]) -> "Shifts":
+        """Leave out the shifts at which two rasters have no cell in common.
+
+        Parameters
+        ----------
+        target, source : tuple of int
+            Cells of the two rasters.
+
+        Returns
+        -------
+        shifts : Shifts
+            Those of these at which at least one cell is common; perhaps none.
+        """
+        first_y, first_x = max(self.first_y, 1 - source[0]), max(self.first_x, 1 - source[1])
+        return Shifts(
+            first_y, max(min(self.end_y, target[0]), first_y), first_x, max(min(self.end_x, target[1]), first_x)
+        )
+
+    def needs(self, target: tuple[int, int], source: tuple[int, int]) -> tuple[int, int]:
+        """Least raster size at which these shifts wrap nothing around.
+
+        Parameters
+        ----------
+        target, source : tuple of int
+            Cells of the two rasters.
+
+        Returns
+        -------
+        cells : tuple of int
+            Cells to pad to; fewer shifts need fewer.
+        """
+        ranges = ((self.first_y, self.end_y), (self.first_x, self.end_x))
+        rows, columns = (
+            max(a, b, a - first, end - 1 + b) for (first, end), a, b in zip(ranges, target, source, strict=True)
+        )
+        return rows, columns
+
+
+def all_shifts(target: tuple[int, int], source: tuple[int, int]) -> Shifts:
+    """Every shift at which two rasters have a cell in common.
+
+    Parameters
+    ----------
+    target, source : tuple of int
+        Cells of the two rasters.
+
+    Returns
+    -------
+    shifts : Shifts
+        From the source's last cell on the target's first to its first on the target's last.
+    """
+    return Shifts(1 - source[0], target[0], 1 - source[1], target[1])
 
 
 @dataclass(frozen=True)
@@ -64,6 +137,23 @@ def padded_shape(first: tuple[int, int], second: tuple[int, int]) -> tuple[int, 
     return rows, columns
 
 
+def common_size(n: int) -> int:
+    """Size of a padded raster that many rasters of about one size share.
+
+    Parameters
+    ----------
+    n : int
+        Least size [cells].
+
+    Returns
+    -------
+    size : int
+        Not smaller, of few factors, at most a quarter larger where ``n`` is 16 or more.
+    """
+    octave = 2 ** max((n - 1).bit_length() - 4, 0)
+    return next(m * octave for m in _SIZES if m * octave >= n)
+
+
 def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> Spectra:
     """Transform a raster for correlation.
 
@@ -83,13 +173,15 @@ def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> 
     return Spectra(rfft2(rasters, padded), (values.shape[0], values.shape[1]), padded)
 
 
-def correlate(target: Spectra, source: Spectra) -> CorrelationSurface:
-    """Correlate two rasters over all shifts.
+def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) -> CorrelationSurface:
+    """Correlate two rasters over shifts.
 
     Parameters
     ----------
     target, source : Spectra
         Transforms of the same padded size.
+    shifts : Shifts, optional
+        Those wanted; all where left out.
 
     Returns
     -------
@@ -106,26 +198,43 @@ def correlate(target: Spectra, source: Spectra) -> CorrelationSurface:
     .. [1] D. Padfield, "Masked Object Registration in the Fourier Domain", IEEE Trans. Image Processing 21(5), 2012.
        :doi:`10.1109/TIP.2011.2181402`
     """
+    shifts = shifts or all_shifts(target.shape, source.shape)
     if target.padded != source.padded or any(
-        p < a + b - 1 for p, a, b in zip(target.padded, target.shape, source.shape, strict=True)
+        p < n for p, n in zip(target.padded, shifts.needs(target.shape, source.shape), strict=True)
     ):
         raise ValueError(
             f"spectra must be padded alike and enough for both, got {target.padded} of {target.shape} "
             f"and {source.padded} of {source.shape}"
         )
-    a, b = target.transforms, np.conj(source.transforms)
-    products = np.stack([a[0] * b[0], a[1] * b[0], a[0] * b[1], a[2] * b[0], a[0] * b[2], a[1] * b[1], a[3] * b[3]])
-    sums = irfft2(products, target.padded).astype(np.float64)
-    shifts = [np.arange(1 - n_b, n_a) for n_a, n_b in zip(target.shape, source.shape, strict=True)]
-    sums = sums[:, shifts[0][:, None], shifts[1]]
-    return CorrelationSurface(_coefficient(sums[:6]), np.maximum(np.rint(sums[6]), 0.0), shifts[0], shifts[1])
+    y, x = np.arange(shifts.first_y, shifts.end_y), np.arange(shifts.first_x, shifts.end_x)
+    products = target.transforms[_OF_TARGET] * np.conj(source.transforms)[_OF_SOURCE]
+    rows = ifft(products, axis=1, overwrite_x=True)[:, y]  # negative shifts lie at the end, where Python counts too
+    sums = irfft(rows, target.padded[1], axis=2, overwrite_x=True)[:, :, x].astype(np.float64)
+    return CorrelationSurface(_coefficient(sums[:6]), np.maximum(np.rint(sums[6]), 0.0), y, x)
 
 
 def _coefficient(sums: FloatArray) -> FloatArray:
     """Correlation from the sums of w, wa, wb, waa, wbb and wab."""
+    coefficient = np.zeros(sums.shape[1:])
     least = 1e-4 * float(sums[0].max(initial=0.0)) + 1e-30  # single precision is worse than that by two digits
-    mean_a, mean_b, aa, bb, ab = sums[1:] / np.maximum(sums[0], least)
-    variance = np.maximum(aa - mean_a**2, 0.0) * np.maximum(bb - mean_b**2, 0.0)
-    usable = (sums[0] > least) & (variance > 1e-6 * float(aa.max(initial=0.0)) * float(bb.max(initial=0.0)))
-    coefficient = (ab - mean_a * mean_b) / np.sqrt(np.where(usable, variance, 1.0))
-    return np.asarray(np.where(usable, np.clip(coefficient, -1.0, 1.0), 0.0))
+    _fill_coefficient(sums, least, coefficient)
+    return coefficient
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _fill_coefficient(sums: FloatArray, least: float, coefficient: FloatArray) -> None:
+    """Correlation where both rasters vary by more than rounding, else left 0."""
+    most_a, most_b = 0.0, 0.0
+    for i in range(sums.shape[1]):
+        for j in range(sums.shape[2]):
+            w = max(sums[0, i, j], least)
+            most_a, most_b = max(most_a, sums[3, i, j] / w), max(most_b, sums[4, i, j] / w)
+    for i in range(sums.shape[1]):
+        for j in range(sums.shape[2]):
+            w = sums[0, i, j]
+            if w <= least:
+                continue
+            a, b = sums[1, i, j] / w, sums[2, i, j] / w
+            variance = max(sums[3, i, j] / w - a * a, 0.0) * max(sums[4, i, j] / w - b * b, 0.0)
+            if variance > 1e-6 * most_a * most_b:
+                coefficient[i, j] = min(max((sums[5, i, j] / w - a * b) / np.sqrt(variance), -1.0), 1.0)

@@ -9,16 +9,18 @@ from pydantic import BaseModel, ConfigDict
 from frontend.acceptance import AcceptanceConfig, Rejection, decide
 from frontend.arrays import FloatArray, IntArray
 from frontend.features import Features
+from frontend.frames import planar_parameters
 from frontend.matching import MatchingConfig, agreeing, find_consensus, mutual_matches
 from frontend.overlap import Layers, stack_layers
 from frontend.pairs import PairConfig, PriorCovariance, pairs_to_compare, predicted_transform
 from frontend.priors import Prior
 from frontend.registration import RegistrationConfig
 from frontend.relief import ReliefConfig, extract_relief
-from frontend.search import SearchConfig, propose
+from frontend.search import SearchConfig, search
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
-from frontend.verification import Verification, verify
+from frontend.turning import TurnedRelief
+from frontend.verification import Preview, Verification, preview, verify
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class _Place:
 
     number: int
     layers: Layers
+    turned: TurnedRelief
     features: Features
 
 
@@ -162,7 +165,9 @@ def compare_pairs(
 
 def _place(submap: Submap, features: Features, config: LoopClosureConfig) -> _Place:
     """Prepare a submap for comparing."""
-    return _Place(submap.number, stack_layers(extract_relief(submap, config.relief)), features)
+    relief, heading = extract_relief(submap, config.relief), planar_parameters(submap.T_world_submap_dr)[2]
+    turned = TurnedRelief(relief, heading, config.search.yaw_step, config.search.search_spacing)
+    return _Place(submap.number, stack_layers(relief), turned, features)
 
 
 def _compare(target: _Place, source: _Place, prior: Prior, config: LoopClosureConfig) -> LoopClosure:
@@ -172,12 +177,13 @@ def _compare(target: _Place, source: _Place, prior: Prior, config: LoopClosureCo
     if least < config.acceptance.min_information:
         return _row(target, source, len(matches), None, Rejection.FLAT)
     starts = _proposals(target, source, matches, prior, config)
-    verified = [verify(target.layers, source.layers, T, config.registration) for T in starts]
-    if not verified:
+    previews = [preview(target.layers, source.layers, T, config.registration) for T in starts]
+    if not previews:
         return _row(target, source, len(matches), None, Rejection.NO_ALIGNMENT)
-    inside = [v for v in verified if prior.admits(v.T_target_source)]
-    best = max(inside or verified, key=lambda v: v.significance)
-    others = [v.significance for v in verified if _is_elsewhere(v, best, config.search.separation)]
+    inside = [p for p in previews if prior.admits(p.T_target_source)]
+    first = max(inside or previews, key=lambda p: p.significance)
+    best = verify(target.layers, source.layers, first.T_target_source, config.registration)
+    others = [p.significance for p in previews if _is_elsewhere(p, best, config.search.separation)]
     rejection = decide(best, max(others, default=0.0), prior, config.acceptance)
     p, q = target.features.keypoints[matches[:, 0]], source.features.keypoints[matches[:, 1]]
     n_inliers = int(agreeing(p, q, best.T_target_source, config.matching).sum())
@@ -189,11 +195,11 @@ def _proposals(
 ) -> list[FloatArray]:
     """Transforms that features or correlation propose."""
     candidates = find_consensus(target.features, source.features, matches, prior, config.matching)
-    peaks = propose(target.layers.relief, source.layers.relief, prior, config.search)
+    peaks = search(target.turned, source.turned, prior, config.search)
     return [candidate.T_target_source for candidate in candidates] + [peak.T_target_source for peak in peaks]
 
 
-def _is_elsewhere(a: Verification, b: Verification, separation: float) -> bool:
+def _is_elsewhere(a: Preview, b: Verification, separation: float) -> bool:
     """Whether two alignments are different ones."""
     shift = (a.T_target_source - b.T_target_source)[:2, 3]
     return float(np.hypot(*shift)) > separation

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.spatial.distance import cdist
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.features import Features
@@ -102,8 +101,9 @@ def mutual_matches(target: Features, source: Features) -> IntArray:
     """
     if not len(target) or not len(source):
         return np.empty((0, 2), dtype=np.int64)
-    distance = cdist(target.descriptors, source.descriptors, "sqeuclidean")
-    to_source, to_target = distance.argmin(axis=1), distance.argmin(axis=0)
+    a, b = (np.ascontiguousarray(f.descriptors, dtype=np.float32) for f in (target, source))
+    to_source, to_target = np.zeros(len(a), dtype=np.int64), np.zeros(len(b), dtype=np.int64)
+    _nearest(a, np.ascontiguousarray(b.T), to_source, to_target)
     mutual = np.flatnonzero(to_target[to_source] == np.arange(len(target)))
     return np.column_stack([mutual, to_source[mutual]]).astype(np.int64)
 
@@ -137,10 +137,7 @@ def find_consensus(
     """
     config = config or MatchingConfig()
     p, q = target.keypoints[matches[:, 0]], source.keypoints[matches[:, 1]]
-    hypotheses = _hypotheses(p, q, config)
-    if prior is not None and len(hypotheses):
-        x, y, _, yaw = hypotheses[:, :4].T
-        hypotheses = hypotheses[prior.squared_distance(x, y, yaw) <= prior.limit]
+    hypotheses = _hypotheses(p, q, prior, config)
     candidates = []
     for x, y, z, yaw in _distinct(_counted(hypotheses, p, q, config), config):
         T = _refined(planar_pose(x, y, yaw, z), p, q, config)
@@ -174,19 +171,17 @@ def agreeing(
     return np.asarray(near & (np.abs(error[:, 2] - offset) <= config.height_tolerance))
 
 
-def _hypotheses(p: FloatArray, q: FloatArray, config: MatchingConfig) -> FloatArray:
-    """x, y, z, yaw of every pair of matches with baselines that fit, shape (H, 4)."""
-    i, j = np.triu_indices(len(p), 1)
-    d_p, d_q = p[j] - p[i], q[j] - q[i]
-    length_p, length_q = np.hypot(d_p[:, 0], d_p[:, 1]), np.hypot(d_q[:, 0], d_q[:, 1])
-    fits = (np.minimum(length_p, length_q) >= config.min_baseline) & (np.abs(length_p - length_q) <= config.tolerance)
-    fits &= np.abs(d_p[:, 2] - d_q[:, 2]) <= config.height_tolerance
-    d_p, d_q, centre_p, centre_q = d_p[fits], d_q[fits], (p[i] + p[j])[fits] / 2, (q[i] + q[j])[fits] / 2
-    yaw = np.arctan2(d_p[:, 1], d_p[:, 0]) - np.arctan2(d_q[:, 1], d_q[:, 0])
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    x = centre_p[:, 0] - cosine * centre_q[:, 0] + sine * centre_q[:, 1]
-    y = centre_p[:, 1] - sine * centre_q[:, 0] - cosine * centre_q[:, 1]
-    return np.column_stack([x, y, centre_p[:, 2] - centre_q[:, 2], yaw])
+def _hypotheses(p: FloatArray, q: FloatArray, prior: Prior | None, config: MatchingConfig) -> FloatArray:
+    """x, y, z, yaw of every pair of matches with baselines that fit, inside the gate, shape (H, 4)."""
+    arguments = (np.ascontiguousarray(p), np.ascontiguousarray(q))
+    limits = np.array([config.min_baseline, config.tolerance, config.height_tolerance])
+    n = _fit(*arguments, limits, np.empty((0, 4)))
+    hypotheses = np.empty((n, 4))
+    _fit(*arguments, limits, hypotheses)
+    if prior is None or not n:
+        return hypotheses
+    x, y, _, yaw = hypotheses.T
+    return np.asarray(hypotheses[prior.squared_distance(x, y, yaw) <= prior.limit])
 
 
 def _counted(hypotheses: FloatArray, p: FloatArray, q: FloatArray, config: MatchingConfig) -> FloatArray:
@@ -228,6 +223,46 @@ def _is_near(T: FloatArray, x: float, y: float, yaw: float, config: MatchingConf
     x_0, y_0, yaw_0 = planar_parameters(T)
     turn = abs(np.angle(np.exp(1j * (yaw - yaw_0))))
     return bool(np.hypot(x - x_0, y - y_0) <= config.separation and turn <= 2 * _SAME_YAW)
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _nearest(a: FloatArray, b: FloatArray, to_b: IntArray, to_a: IntArray) -> None:
+    """Column of b nearest to each row of a, and the other way; the first of equals."""
+    best = np.full(b.shape[1], np.inf, dtype=np.float32)
+    for i in range(a.shape[0]):
+        distance = np.zeros(b.shape[1], dtype=np.float32)
+        for d in range(a.shape[1]):
+            value = a[i, d]
+            for j in range(b.shape[1]):
+                difference = b[d, j] - value
+                distance[j] += difference * difference
+        to_b[i] = np.argmin(distance)
+        for j in range(b.shape[1]):
+            if distance[j] < best[j]:
+                best[j], to_a[j] = distance[j], i
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _fit(p: FloatArray, q: FloatArray, limits: FloatArray, out: FloatArray) -> int:
+    """Fill in x, y, z, yaw of the pairs of matches with baselines that fit, as far as there is room; their number."""
+    n = 0
+    for i in range(len(p)):
+        for j in range(i + 1, len(p)):
+            p_x, p_y, q_x, q_y = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], q[j, 0] - q[i, 0], q[j, 1] - q[i, 1]
+            if abs((p[j, 2] - p[i, 2]) - (q[j, 2] - q[i, 2])) > limits[2]:
+                continue
+            length_p, length_q = np.hypot(p_x, p_y), np.hypot(q_x, q_y)
+            if min(length_p, length_q) < limits[0] or abs(length_p - length_q) > limits[1]:
+                continue
+            if n < len(out):
+                yaw = np.arctan2(p_y, p_x) - np.arctan2(q_y, q_x)
+                cosine, sine = np.cos(yaw), np.sin(yaw)
+                x, y = (q[i, 0] + q[j, 0]) / 2, (q[i, 1] + q[j, 1]) / 2
+                out[n, 0] = (p[i, 0] + p[j, 0]) / 2 - cosine * x + sine * y
+                out[n, 1] = (p[i, 1] + p[j, 1]) / 2 - sine * x - cosine * y
+                out[n, 2], out[n, 3] = ((p[i, 2] + p[j, 2]) - (q[i, 2] + q[j, 2])) / 2, yaw
+            n += 1
+    return n
 
 
 @numba.njit(cache=True)  # type: ignore[misc]

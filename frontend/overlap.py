@@ -90,6 +90,12 @@ class Layers:
         """Shape (K, 6): x, y, weight, relief and its slopes of the trusted cells."""
         return np.ascontiguousarray(self.cells[:, :6])
 
+    @cached_property
+    def thinned_cells(self) -> FloatArray:
+        """Shape (K, 6): of `shape_cells` those of every second row and column."""
+        rows, columns = np.nonzero(self.relief.is_trusted)
+        return np.ascontiguousarray(self.shape_cells[(rows % 2 == 0) & (columns % 2 == 0)])
+
 
 def stack_layers(relief: Relief) -> Layers:
     """Prepare a relief for `lay_over`.
@@ -149,6 +155,28 @@ def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float])
         share=min(area / smaller, 1.0) if smaller > 0 else 0.0,
         area=area,
     )
+
+
+def correlate_at(target: Layers, source: Layers, planar: tuple[float, float, float]) -> tuple[float, float]:
+    """Correlation of two reliefs at a transform, and nothing else of `lay_over`.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    planar : tuple of float
+        x, y [m] and yaw [rad] of ``T_target_source``.
+
+    Returns
+    -------
+    correlation, area : float
+        Of the overlap [1], [m^2].
+    """
+    frame = (*target.relief.origin, target.relief.spacing)
+    sampled = sample_rasters(target.shape, source.shape_cells, frame, planar)
+    both = sampled[:, 0] > 0
+    a, b = sampled[both], source.shape_cells[both]
+    return weighted_correlation(b[:, 3], a[:, 1], a[:, 0] * b[:, 2]), len(b) * source.relief.spacing**2
 
 
 def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> float:

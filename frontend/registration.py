@@ -10,7 +10,7 @@ from frontend.arrays import FloatArray, IntArray
 from frontend.frames import planar_parameters, planar_pose
 from frontend.overlap import Layers, Overlap, lay_over
 from frontend.refiners import CloudConfig, Planar, refine_by_clouds
-from frontend.sampling import normal_equations
+from frontend.sampling import Descent, descend
 
 
 class RegistrationConfig(BaseModel):
@@ -61,9 +61,15 @@ class RegistrationConfig(BaseModel):
         default=0.02, gt=0, description="Standard deviation of a window's tilt [rad], which echoes hardly fix."
     )
 
+    @property
+    def descent(self) -> Descent:
+        """The steps as the kernel takes them."""
+        return Descent(self.n_iterations, self.max_step, self.max_turn, _STILL, _STILL_TURN, self.tuning, _DAMPING)
+
 
 _DAMPING = 0.2  # of the step by the slopes' errors: the common slopes alone are too weak where little is common
 _STILL, _STILL_TURN = 3e-3, 1e-4  # [m], [rad] of a step that ends the iteration: a thirtieth of the least sigma
+_ROUGHLY_STILL, _EDGE = 0.05, 50.0  # [m] of a step that is small against a cell, and how far out a submap's edge lies
 
 
 @dataclass(frozen=True)
@@ -129,15 +135,38 @@ def register(
     return Registration(planar_pose(*planar, z=offset), sigmas, tilt, height_residual, overlap)
 
 
+def align_roughly(
+    target: Layers, source: Layers, T_target_source: FloatArray, config: RegistrationConfig | None = None
+) -> FloatArray:
+    """Align two submaps by a part of their cells: enough to choose between starts, at a part of the time.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    T_target_source : ndarray, shape (4, 4)
+        Where to start.
+    config : RegistrationConfig, optional
+        Steps.
+
+    Returns
+    -------
+    T_target_source : ndarray, shape (4, 4)
+        Level: yaw and shift, to a fraction of a cell.
+    """
+    config = config or RegistrationConfig()
+    descent = config.descent._replace(still=_ROUGHLY_STILL, still_turn=_ROUGHLY_STILL / _EDGE)
+    return planar_pose(*_descend(target, source.thinned_cells, planar_parameters(T_target_source), descent))
+
+
 def _refine_by_relief(target: Layers, source: Layers, T_start: FloatArray, config: RegistrationConfig) -> Planar:
     """x, y, yaw by Gauss-Newton steps over the reliefs."""
-    planar = planar_parameters(T_start)
-    for _ in range(config.n_iterations):
-        step = _step(target, source, planar, config)
-        planar = (planar[0] + step[0], planar[1] + step[1], planar[2] + step[2])
-        if np.hypot(step[0], step[1]) < _STILL and abs(step[2]) < _STILL_TURN:
-            break
-    return planar
+    return _descend(target, source.shape_cells, planar_parameters(T_start), config.descent)
+
+
+def _descend(target: Layers, cells: FloatArray, start: Planar, descent: Descent) -> Planar:
+    """Gauss-Newton steps over some of a source's cells."""
+    return descend(target.shape, cells, (*target.relief.origin, target.relief.spacing), start, descent)
 
 
 def _jacobians(overlap: Overlap, yaw: float) -> tuple[FloatArray, FloatArray]:
@@ -156,18 +185,6 @@ def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
     residual = overlap.z_source - overlap.z_target
     scale = 1.4826 * float(np.median(np.abs(residual))) + 1e-9
     return np.asarray(overlap.weight * np.maximum(1 - (residual / (config.tuning * scale)) ** 2, 0.0) ** 2)
-
-
-def _step(target: Layers, source: Layers, planar: tuple[float, float, float], config: RegistrationConfig) -> FloatArray:
-    """One Gauss-Newton step of x, y, yaw, shortened to its limits; zero where nothing fixes it."""
-    frame = (*target.relief.origin, target.relief.spacing)
-    H, H_common, g = normal_equations(target.shape, source.shape_cells, frame, planar, config.tuning)
-    if not np.linalg.cond(H) < 1e12:
-        return np.zeros(3)
-    damped = (H_common + H_common.T) / 2 + _DAMPING * H
-    step = np.linalg.solve(damped if np.linalg.eigvalsh(damped)[0] > 0 else H, g)
-    excess = max(float(np.hypot(step[0], step[1])) / config.max_step, abs(float(step[2])) / config.max_turn, 1.0)
-    return np.asarray(step / excess)
 
 
 def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:

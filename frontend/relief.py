@@ -187,14 +187,34 @@ def coarsen(relief: Relief, spacing: float) -> Relief:
         Weighted means of the blocks; a block trusts as much as its cells do on average.
     """
     n = max(round(spacing / relief.spacing), 1)
-    weight = _block_means(relief.weight, n)
+    weight = block_means(relief.weight, n)
     z, reflectivity, height, sigma = (
-        _block_means(relief.weight * a, n) / np.maximum(weight, 1e-12)
+        block_means(relief.weight * a, n) / np.maximum(weight, 1e-12)
         for a in (relief.z, relief.reflectivity, relief.height, relief.sigma)
     )
     shift = (n - 1) / 2 * relief.spacing
     origin = (relief.origin[0] + shift, relief.origin[1] + shift)
     return Relief(z, weight, reflectivity, height, np.where(weight > 0, sigma, 1.0), n * relief.spacing, origin)
+
+
+def block_means(values: FloatArray, n: int) -> FloatArray:
+    """Mean a raster over square blocks.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_y, n_x)
+        A raster.
+    n : int
+        Cells along each side of a block.
+
+    Returns
+    -------
+    means : ndarray, shape (ceil(n_y / n), ceil(n_x / n))
+        The means, the raster filled up with 0.
+    """
+    rows, columns = (-(-size // n) for size in values.shape)
+    padded = np.pad(values, [(0, rows * n - values.shape[0]), (0, columns * n - values.shape[1])])
+    return np.asarray(padded.reshape(rows, n, columns, n).mean(axis=(1, 3)))
 
 
 def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> float:
@@ -221,13 +241,6 @@ def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> 
     covariance = power / np.maximum(count, 0.05 * count[0, 0])
     lag = np.hypot(*np.meshgrid(*(_lags(n, spacing) for n in shape), indexing="ij"))
     return float(np.sum((covariance / covariance[0, 0])[lag <= _LONGEST_LAG] ** 2)) * spacing**2
-
-
-def _block_means(values: FloatArray, n: int) -> FloatArray:
-    """Means of blocks of n by n cells, the raster filled up with 0."""
-    rows, columns = (-(-size // n) for size in values.shape)
-    padded = np.pad(values, [(0, rows * n - values.shape[0]), (0, columns * n - values.shape[1])])
-    return np.asarray(padded.reshape(rows, n, columns, n).mean(axis=(1, 3)))
 
 
 def _lags(n: int, spacing: float) -> FloatArray:

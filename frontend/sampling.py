@@ -1,5 +1,7 @@
 """Sampling: the inner loops of alignment, rasters of one submap read at the turned and shifted cells of another."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -71,6 +73,61 @@ def normal_equations(
     return H, H_common, g
 
 
+class Descent(NamedTuple):
+    """How Gauss-Newton steps of x, y and yaw are taken.
+
+    Parameters
+    ----------
+    n_steps : int
+        Most steps.
+    max_step, max_turn : float
+        Longest shift [m] and turn [rad] of one step.
+    still, still_turn : float
+        Shift [m] and turn [rad] of a step that is the last.
+    tuning : float
+        Residuals of so many robust standard deviations [1] weigh nothing.
+    damping : float
+        Share of the target's own slopes in what is solved [1]; common slopes alone are weak where little is common.
+    """
+
+    n_steps: int
+    max_step: float
+    max_turn: float
+    still: float
+    still_turn: float
+    tuning: float
+    damping: float
+
+
+def descend(
+    rasters: FloatArray,
+    cells: FloatArray,
+    frame: tuple[float, float, float],
+    planar: tuple[float, float, float],
+    descent: Descent,
+) -> tuple[float, float, float]:
+    """Follow `normal_equations` from a pose to where the residuals are least.
+
+    Parameters
+    ----------
+    rasters, cells, frame
+        As for `normal_equations`.
+    planar : tuple of float
+        Where to start: x, y [m] and yaw [rad] of ``T_target_source``.
+    descent : Descent
+        How steps are taken.
+
+    Returns
+    -------
+    planar : tuple of float
+        Where the steps end; the start where nothing fixes a step.
+    """
+    end = np.array(planar, dtype=np.float64)
+    arguments = (np.ascontiguousarray(rasters), np.ascontiguousarray(cells), np.array(frame, dtype=np.float64))
+    _descend(*arguments, end, descent)
+    return float(end[0]), float(end[1]), float(end[2])
+
+
 @numba.njit(cache=True)  # type: ignore[misc]
 def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
     """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
@@ -116,3 +173,30 @@ def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  #
             for j in range(3):
                 H[i, j] += weight * J[i] * J[j]
                 H_common[i, j] += weight * J[i] * J_source[j]
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _descend(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, descent: Descent) -> None:
+    """Bounded steps, added to the pose until they stand still."""
+    H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    for _ in range(descent.n_steps):
+        H[:], H_common[:], g[:] = 0.0, 0.0, 0.0
+        _normal_equations(rasters, cells, frame, planar, descent.tuning, H, H_common, g)
+        step = _step(H, H_common, g, descent)
+        planar += step
+        if np.hypot(step[0], step[1]) < descent.still and abs(step[2]) < descent.still_turn:
+            return
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _step(H: FloatArray, H_common: FloatArray, g: FloatArray, descent: Descent) -> FloatArray:
+    """One Gauss-Newton step, shortened to its limits; zero where nothing fixes it."""
+    spread = np.linalg.eigvalsh(H)
+    if not spread[0] > 1e-12 * spread[2]:
+        return np.zeros(3)
+    damped = (H_common + H_common.T) / 2 + descent.damping * H
+    if not np.linalg.eigvalsh(damped)[0] > 0:
+        damped = H
+    step = np.linalg.solve(damped, g)
+    excess = max(np.hypot(step[0], step[1]) / descent.max_step, abs(step[2]) / descent.max_turn, 1.0)
+    return step / excess

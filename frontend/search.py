@@ -7,11 +7,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
 from frontend.chance import significance
-from frontend.correlation import CorrelationSurface, correlate, padded_shape, spectra
-from frontend.frames import planar_pose
+from frontend.correlation import Shifts, common_size, correlate
+from frontend.frames import planar_pose, wrap_angle
 from frontend.priors import Prior
-from frontend.relief import Relief, coarsen
-from frontend.sampling import sample_rasters
+from frontend.relief import Relief
+from frontend.turning import Turned, TurnedRelief
 from frontend.verification import joint_area
 
 
@@ -54,16 +54,6 @@ class Peak:
     correlation: float
 
 
-@dataclass(frozen=True)
-class _Turned:
-    """A source's relief and weight on a grid along the target's axes, and the yaw that brought it there."""
-
-    z: FloatArray
-    weight: FloatArray
-    origin: tuple[float, float]
-    yaw: float
-
-
 def propose(target: Relief, source: Relief, prior: Prior, config: SearchConfig | None = None) -> list[Peak]:
     """Search the gate of a prior for places where two reliefs correlate.
 
@@ -82,50 +72,90 @@ def propose(target: Relief, source: Relief, prior: Prior, config: SearchConfig |
         Distinct maxima inside the gate whose overlap suffices, the most significant first.
     """
     config = config or SearchConfig()
-    least = config.min_overlap * min(target.area, source.area)
-    area = joint_area(target, source)
-    target, source = coarsen(target, config.search_spacing), coarsen(source, config.search_spacing)
-    yaws = prior.planar[2] + _offsets(min(prior.n_sigmas * prior.sigma_yaw, np.pi), config.yaw_step)
-    turned = [_turn(source, float(yaw)) for yaw in yaws]
-    padded = padded_shape(target.z.shape, tuple(max(sizes) for sizes in zip(*(t.z.shape for t in turned), strict=True)))
-    target_spectra = spectra(target.z, target.weight, padded)
-    rows = []
-    for t in turned:
-        surface = correlate(target_spectra, spectra(t.z, t.weight, padded))
-        found = _poses(surface, t, target, least)
-        found = found[prior.squared_distance(*found[:, 2:].T) <= prior.limit]
-        rows.append(np.column_stack([significance(found[:, 0], found[:, 1], area), found]))
-    return _peaks(np.concatenate(rows), config)
+    step, spacing = config.yaw_step, config.search_spacing
+    return search(TurnedRelief(target, 0.0, step, spacing), TurnedRelief(source, 0.0, step, spacing), prior, config)
 
 
-def _poses(surface: CorrelationSurface, turned: _Turned, target: Relief, least: float) -> FloatArray:
-    """Correlation, overlap [m^2], x, y [m] and yaw [rad] of every shift that overlaps enough, shape (S, 5)."""
-    area = surface.overlap * target.spacing**2
+def search(target: TurnedRelief, source: TurnedRelief, prior: Prior, config: SearchConfig | None = None) -> list[Peak]:
+    """Search as `propose` does, with reliefs whose turned copies are kept from one partner to the next.
+
+    Parameters
+    ----------
+    target, source : TurnedRelief
+        The two submaps, turned by steps of `SearchConfig.yaw_step` to cells of `SearchConfig.search_spacing`.
+    prior : Prior
+        Predicted transform with covariance.
+    config : SearchConfig, optional
+        Steps of the search.
+
+    Returns
+    -------
+    peaks : list of Peak
+        As `propose` gives them.
+    """
+    config = config or SearchConfig()
+    least = config.min_overlap * min(target.relief.area, source.relief.area)
+    R = planar_pose(0.0, 0.0, target.yaw(0))[:2, :2]  # to the axes of the target's turned copy: shifts are along these
+    box = _gate_box(prior, R)
+    found = np.concatenate(
+        [np.empty((0, 5)), *(_found(target, source, k, box, least) for k in _steps(target, source, prior))]
+    )
+    found[:, 2:4] = found[:, 2:4] @ R
+    found[:, 4] = _held(found[:, 4] - target.yaw(0), prior)
+    found = found[prior.squared_distance(*found[:, 2:].T) <= prior.limit]
+    level = significance(found[:, 0], found[:, 1], joint_area(target.relief, source.relief))
+    return _peaks(np.column_stack([level, found]), config)
+
+
+def _steps(target: TurnedRelief, source: TurnedRelief, prior: Prior) -> range:
+    """Turns of the source, in steps from its heading, that cover the gate."""
+    middle = float(wrap_angle(prior.planar[2] + target.yaw(0) - source.yaw(0)))
+    reach = _yaw_reach(prior)
+    return range(round((middle - reach) / source.step), round((middle + reach) / source.step) + 1)
+
+
+def _yaw_reach(prior: Prior) -> float:
+    """Half-width of the gate in yaw [rad]."""
+    return float(min(prior.n_sigmas * prior.sigma_yaw, np.pi))
+
+
+def _held(yaw: FloatArray, prior: Prior) -> FloatArray:
+    """Yaws held inside the gate, which the outermost turns leave by half a step."""
+    reach = _yaw_reach(prior)
+    return np.asarray(prior.planar[2] + np.clip(wrap_angle(yaw - prior.planar[2]), -reach, reach))
+
+
+def _gate_box(prior: Prior, R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and largest x, y of the gate along other axes [m]."""
+    middle = R @ np.array(prior.planar[:2])
+    reach = np.sqrt(prior.limit * np.diag(R @ prior.planar_covariance[:2, :2] @ R.T))
+    return middle - reach, middle + reach
+
+
+def _found(
+    target: TurnedRelief, source: TurnedRelief, k: int, box: tuple[FloatArray, FloatArray], least: float
+) -> FloatArray:
+    """Correlation, overlap [m^2], x, y [m] and yaw of the source along the target's axes, shape (S, 5)."""
+    a, b = target.at(0), source.at(k)
+    shifts = _shifts(a, b, *box)
+    if shifts is None:
+        return np.empty((0, 5))
+    rows, columns = (common_size(n) for n in shifts.needs(a.shape, b.shape))
+    surface = correlate(target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns)), shifts)
+    area = surface.overlap * a.spacing**2
     i, j = np.nonzero(area >= least)
-    x = target.origin[0] - turned.origin[0] + target.spacing * surface.shift_x[j]
-    y = target.origin[1] - turned.origin[1] + target.spacing * surface.shift_y[i]
-    return np.column_stack([surface.correlation[i, j], area[i, j], x, y, np.full(len(i), turned.yaw)])
+    x = a.origin[0] - b.origin[0] + a.spacing * surface.shift_x[j]
+    y = a.origin[1] - b.origin[1] + a.spacing * surface.shift_y[i]
+    return np.column_stack([surface.correlation[i, j], area[i, j], x, y, np.full(len(i), source.yaw(k))])
 
 
-def _offsets(reach: float, step: float) -> FloatArray:
-    """Symmetric steps over plus and minus the reach, 0 among them."""
-    n = int(np.ceil(reach / step))
-    return np.linspace(-reach, reach, 2 * n + 1) if n else np.zeros(1)
-
-
-def _turn(relief: Relief, yaw: float) -> _Turned:
-    """Turn a relief about its frame's origin and sample it along the new axes."""
-    (n_y, n_x), spacing = relief.z.shape, relief.spacing
-    columns, rows = np.meshgrid(np.array([0, n_x - 1]), np.array([0, n_y - 1]))
-    corners = np.stack([columns, rows], axis=-1).reshape(-1, 2) * spacing + np.array(relief.origin)
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    corners = corners @ np.array([[cosine, sine], [-sine, cosine]])
-    low, size = corners.min(axis=0), np.ceil(np.ptp(corners, axis=0) / spacing).astype(int) + 1
-    grid = np.stack(np.meshgrid(*(low[k] + spacing * np.arange(size[k]) for k in (0, 1))), axis=-1)
-    rasters = np.stack([relief.weight, relief.z], axis=-1)
-    samples = sample_rasters(rasters, grid.reshape(-1, 2), (*relief.origin, spacing), (0.0, 0.0, -yaw))
-    weight, z = samples.reshape(*grid.shape).transpose(2, 0, 1)
-    return _Turned(z, weight, (float(low[0]), float(low[1])), yaw)
+def _shifts(target: Turned, source: Turned, low: FloatArray, high: FloatArray) -> Shifts | None:
+    """Shifts of the source's first cell over a box of poses [m]; None where no cells meet."""
+    between = np.array(source.origin) - np.array(target.origin)
+    first = np.floor((low + between) / target.spacing).astype(int)
+    end = np.ceil((high + between) / target.spacing).astype(int) + 1
+    shifts = Shifts(int(first[1]), int(end[1]), int(first[0]), int(end[0])).within(target.shape, source.shape)
+    return shifts if shifts.end_y > shifts.first_y and shifts.end_x > shifts.first_x else None
 
 
 def _peaks(rows: FloatArray, config: SearchConfig) -> list[Peak]:

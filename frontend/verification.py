@@ -6,8 +6,9 @@ import numpy as np
 
 from frontend.arrays import FloatArray
 from frontend.chance import significance
-from frontend.overlap import Layers
-from frontend.registration import RegistrationConfig, register
+from frontend.frames import planar_parameters
+from frontend.overlap import Layers, correlate_at
+from frontend.registration import RegistrationConfig, align_roughly, register
 from frontend.relief import Relief
 
 
@@ -84,6 +85,46 @@ def verify(
         height_residual=registration.height_residual,
         tilt=float(np.hypot(*registration.tilt)),
     )
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A candidate roughly aligned, for choosing between several.
+
+    Parameters
+    ----------
+    T_target_source : ndarray, shape (4, 4)
+        Where it came to rest.
+    significance : float
+        Of the reliefs' correlation there [standard deviations above chance].
+    """
+
+    T_target_source: FloatArray
+    significance: float
+
+
+def preview(
+    target: Layers, source: Layers, T_target_source: FloatArray, config: RegistrationConfig | None = None
+) -> Preview:
+    """Align a candidate roughly and see how significant it is; `verify` takes the chosen one further.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    T_target_source : ndarray, shape (4, 4)
+        The candidate.
+    config : RegistrationConfig, optional
+        Steps of the refinement.
+
+    Returns
+    -------
+    preview : Preview
+        The alignment by part of the cells, judged by all of them.
+    """
+    T = align_roughly(target, source, T_target_source, config)
+    correlation, area = correlate_at(target, source, planar_parameters(T))
+    return Preview(T, _significance(correlation, area, joint_area(target.relief, source.relief)))
 
 
 def joint_area(target: Relief, source: Relief) -> float:

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frontend.correlation import correlate, padded_shape, spectra
+from frontend import correlation as module
+from frontend.correlation import Shifts, common_size, correlate, padded_shape, spectra
 
 
 def surface_of(a, wa, b, wb):
@@ -89,3 +90,43 @@ def test_spectra_that_would_wrap_around_are_refused():
     a = np.ones((4, 4))
     with pytest.raises(ValueError, match="padded alike and enough for both"):
         correlate(spectra(a, a, (6, 8)), spectra(a, a, (6, 8)))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.integers(-5, 8), st.integers(1, 6), st.integers(-6, 7), st.integers(1, 6))
+def test_some_shifts_padded_no_more_than_they_need_correlate_as_among_all(seed, first_y, n_y, first_x, n_x):
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(9, 8)), rng.normal(size=(6, 7))
+    wa, wb = rng.uniform(0.2, 1, a.shape), rng.uniform(0.2, 1, b.shape)
+    shifts = Shifts(first_y, first_y + n_y, first_x, first_x + n_x).within(a.shape, b.shape)
+    padded = shifts.needs(a.shape, b.shape)
+    some = correlate(spectra(a, wa, padded), spectra(b, wb, padded), shifts)
+    every = surface_of(a, wa, b, wb)
+    at = np.ix_(some.shift_y + b.shape[0] - 1, some.shift_x + b.shape[1] - 1)
+    assert np.array_equal(some.overlap, every.overlap[at])
+    many = some.overlap > 5
+    assert some.correlation[many] == pytest.approx(every.correlation[at][many], abs=1e-3)
+
+
+def test_shifts_at_which_nothing_meets_are_left_out():
+    assert Shifts(-50, 50, 3, 4).within((9, 8), (6, 7)) == Shifts(-5, 9, 3, 4)
+    none = Shifts(20, 30, -40, -30).within((9, 8), (6, 7))
+    assert none.end_y <= none.first_y
+    assert none.end_x <= none.first_x
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 5000))
+def test_common_sizes_are_few_and_little_larger(n):
+    size = common_size(n)
+    assert n <= size <= max(1.25 * n, 8)
+    assert len({common_size(m) for m in range(n, 2 * n)}) <= 7
+
+
+def test_the_coefficient_is_its_own_python_function():
+    sums = np.random.default_rng(1).uniform(0.5, 2.0, (6, 4, 5))
+    compiled, plain = np.zeros((4, 5)), np.zeros((4, 5))
+    module._fill_coefficient(sums, 0.6, compiled)
+    getattr(module._fill_coefficient, "py_func", module._fill_coefficient)(sums, 0.6, plain)
+    assert np.array_equal(compiled, plain)
+    assert not compiled[sums[0] <= 0.6].any()

@@ -170,3 +170,27 @@ def test_the_same_features_give_the_same_candidates():
     first, second = (find_consensus(target, source, matches) for _ in range(2))
     assert [c.n_inliers for c in first] == [c.n_inliers for c in second]
     assert all(np.array_equal(a.T_target_source, b.T_target_source) for a, b in zip(first, second, strict=True))
+
+
+def test_the_nearest_are_those_of_the_definition_and_the_kernel_its_own_python_function():
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(size=(13, 33)).astype(np.float32), rng.normal(size=(9, 33)).astype(np.float32)
+    compiled, plain = ([np.zeros(13, dtype=np.int64), np.zeros(9, dtype=np.int64)] for _ in range(2))
+    module._nearest(a, np.ascontiguousarray(b.T), *compiled)
+    getattr(module._nearest, "py_func", module._nearest)(a, np.ascontiguousarray(b.T), *plain)
+    distance = ((a[:, None].astype(float) - b[None]) ** 2).sum(axis=2)
+    assert compiled[0].tolist() == plain[0].tolist() == distance.argmin(axis=1).tolist()
+    assert compiled[1].tolist() == plain[1].tolist() == distance.argmin(axis=0).tolist()
+
+
+def test_pairs_of_matches_that_fit_are_counted_and_filled_in_alike():
+    rng = np.random.default_rng(3)
+    p = np.column_stack([rng.uniform(-30, 30, (12, 2)), rng.normal(0, 0.3, 12)])
+    q = transform(planar_pose(4.0, -7.0, 0.6), p) + rng.normal(0, 0.3, p.shape)
+    limits, out = np.array([8.0, 2.0, 1.0]), np.empty((66, 4))
+    n = module._fit(p, q, limits, np.empty((0, 4)))
+    plain = np.empty((n, 4))
+    assert module._fit(p, q, limits, out) == n
+    assert getattr(module._fit, "py_func", module._fit)(p, q, limits, plain) == n
+    assert out[:n] == pytest.approx(plain, abs=1e-12)
+    assert np.median(np.abs(np.angle(np.exp(1j * (out[:n, 3] + 0.6))))) < 0.05  # 0.3 m over 8 m and more

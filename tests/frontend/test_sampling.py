@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from frontend import sampling as module
-from frontend.sampling import normal_equations, sample_rasters
+from frontend.sampling import Descent, descend, normal_equations, sample_rasters
 
 
 def bilinear_field(shape):
@@ -67,3 +67,45 @@ def test_the_normal_equations_are_their_own_python_function():
     assert compiled[0].any()
     for a, b in zip(compiled, plain, strict=True):
         assert a == pytest.approx(b, rel=1e-12)
+
+
+DESCENT = Descent(n_steps=20, max_step=1.0, max_turn=0.035, still=1e-6, still_turn=1e-8, tuning=30.0, damping=0.2)
+
+
+def bowl_layers(n=41):
+    """Weight, relief and slopes of a wavy floor, and its cells."""
+    y, x = np.mgrid[0:n, 0:n].astype(float)
+    z = np.sin(x / 4) + np.cos(y / 5 + x / 9)
+    slopes = (np.cos(x / 4) / 4 - np.sin(y / 5 + x / 9) / 9, -np.sin(y / 5 + x / 9) / 5)
+    rasters = np.stack([np.ones_like(z), z, *slopes], axis=-1)
+    inner = np.s_[6:-6, 6:-6]
+    return rasters, np.column_stack([a[inner].ravel() for a in (x, y, *np.moveaxis(rasters, -1, 0))])
+
+
+def test_steps_lead_back_to_where_a_floor_lies_over_itself():
+    rasters, cells = bowl_layers()
+    end = descend(rasters, cells, (0.0, 0.0, 1.0), (0.8, -0.6, 0.02), DESCENT)
+    assert end == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)  # a bilinear floor is a little off between its cells
+
+
+def test_no_step_is_longer_than_its_limit():
+    rasters, cells = bowl_layers()
+    one = DESCENT._replace(n_steps=1, max_step=0.1, max_turn=0.001)
+    end = descend(rasters, cells, (0.0, 0.0, 1.0), (0.8, -0.6, 0.02), one)
+    assert np.hypot(end[0] - 0.8, end[1] + 0.6) <= 0.1 + 1e-12
+    assert abs(end[2] - 0.02) <= 0.001 + 1e-12
+
+
+def test_a_floor_that_fixes_nothing_leaves_the_start():
+    rasters, cells = bowl_layers()
+    rasters[..., 2:], cells[:, 4:] = 0.0, 0.0
+    assert descend(rasters, cells, (0.0, 0.0, 1.0), (0.8, -0.6, 0.02), DESCENT) == (0.8, -0.6, 0.02)
+
+
+def test_the_descent_is_its_own_python_function():
+    rasters, cells = bowl_layers(25)
+    ends = [np.array([0.5, -0.3, 0.01]) for _ in range(2)]
+    frame = np.array([0.0, 0.0, 1.0])
+    module._descend(rasters, cells, frame, ends[0], DESCENT)
+    getattr(module._descend, "py_func", module._descend)(rasters, cells, frame, ends[1], DESCENT)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)

@@ -4,7 +4,7 @@ import pytest
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.overlap import stack_layers
 from frontend.relief import extract_relief
-from frontend.verification import joint_area, verify
+from frontend.verification import joint_area, preview, verify
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
 RELATIVE = (10.0, -15.0, 0.6)
@@ -76,3 +76,13 @@ def test_areas_are_those_of_the_overlap_and_of_the_relief():
     smaller = min(target.relief.area, source.relief.area)
     assert v.overlap_area == pytest.approx(v.overlap * smaller)
     assert v.correlation_area == joint_area(target.relief, source.relief)
+
+
+def test_a_preview_comes_to_rest_near_the_refined_place_and_is_as_significant():
+    target, source = layers(0)
+    start = planar_pose(10.7, -14.4, 0.62)
+    rough, fine = preview(target, source, start), verify(target, source, start)
+    x, y, yaw = planar_parameters(invert(fine.T_target_source) @ rough.T_target_source)
+    assert np.hypot(x, y) < 0.5  # half a cell
+    assert abs(yaw) < 0.01
+    assert rough.significance == pytest.approx(fine.significance, rel=0.1)
