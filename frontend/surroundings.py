@@ -4,26 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
 from frontend.frames import invert, planar_parameters, transform
 from frontend.relief import Relief
 from frontend.sampling import sample_rasters
 from frontend.submaps import Submap
-
-
-class SurroundingsConfig(BaseModel):
-    """How much of the track around a submap is compared with it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    reach: float | None = Field(
-        default=None,
-        ge=0,
-        description="Distance along the track [m] from a submap's anchor to the farthest ping of a neighbour whose "
-        "floor is compared with it; unset: 1.5 slant ranges, over which dead reckoning is rigid enough; 0: none.",
-    )
 
 
 @dataclass(frozen=True)
@@ -34,35 +20,29 @@ class _Frame:
     relief: Relief
 
 
-def neighbours(
-    submaps: Sequence[Submap], distance: FloatArray, position: int, pings: tuple[int, int], reach: float
-) -> range:
-    """Submaps around one that lie within a reach along the track and inside a range of pings.
+def neighbours(submaps: Sequence[Submap], position: int, pings: tuple[int, int]) -> range:
+    """Submaps around one that share pings with it, inside a range of pings.
 
     Parameters
     ----------
     submaps : sequence of Submap
         The submaps of a dive, in order.
-    distance : ndarray, shape (N,)
-        Distance run until each ping [m].
     position : int
         Which submap.
     pings : tuple of int
-        First and end of the pings that may be looked at, so that two sides share none.
-    reach : float
-        Distance along the track from its anchor [m].
+        First and end of the pings that may be looked at, so that two sides of a pair have none in common.
 
     Returns
     -------
     neighbours : range
-        Positions without a gap, the submap itself among them.
+        Positions without a gap, the submap itself among them. Windows that overlap by half give one on each side: twice
+        the length of track, over which dead reckoning is as good as rigid.
     """
-    here = distance[submaps[position].anchor_ping]
+    own = submaps[position]
 
     def belongs(k: int) -> bool:
-        first, last = submaps[k].first_ping, submaps[k].end_ping - 1
-        far = max(here - distance[first], distance[last] - here)
-        return bool(first >= pings[0] and last < pings[1] and far <= reach)
+        common = submaps[k].first_ping < own.end_ping and submaps[k].end_ping > own.first_ping
+        return common and pings[0] <= submaps[k].first_ping and submaps[k].end_ping <= pings[1]
 
     first, end = position, position + 1
     while first > 0 and belongs(first - 1):

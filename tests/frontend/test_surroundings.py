@@ -14,8 +14,6 @@ from frontend.surroundings import lay_beside, meeting_ping, neighbours
 from frontend.verification import verify
 from tests.frontend.seafloor_scenes import PINGS_A_SUBMAP, cut_submap, rough_seafloor
 
-PING = 0.4  # [m] between two pings of 80 m long submaps
-
 
 def at(planar, number):
     """A submap whose pose is all that matters."""
@@ -32,42 +30,47 @@ def wavy(origin, n=(31, 41), spacing=1.0, lift=0.0):
 
 @pytest.fixture(scope="module")
 def track():
-    """Five submaps one after the other, and the distance run until each ping."""
+    """Nine submaps along a line, each sharing half its pings with the next."""
     rng = np.random.default_rng(0)
     floor = rough_seafloor(rng)
-    submaps = [cut_submap(floor, (60.0 + 40.0 * k, 150.0, 0.0), rng, k) for k in range(5)]
-    return submaps, PING * np.arange(5 * PINGS_A_SUBMAP)
+    half = PINGS_A_SUBMAP // 2
+    submaps = [cut_submap(floor, (60.0 + 20.0 * k, 150.0, 0.0), rng, k) for k in range(9)]
+    return [replace(s, first_ping=half * k, end_ping=half * (k + 2)) for k, s in enumerate(submaps)]
 
 
-def test_a_reach_of_one_window_and_a_half_takes_one_neighbour_on_each_side(track):
-    submaps, distance = track
-    everything = (0, len(distance))
-    assert neighbours(submaps, distance, 2, everything, 1.5 * 80.0) == range(1, 4)
-    assert neighbours(submaps, distance, 0, everything, 1.5 * 80.0) == range(2)
+def test_windows_that_overlap_by_half_have_one_neighbour_on_each_side(track):
+    everything = (0, track[-1].end_ping)
+    assert neighbours(track, 2, everything) == range(1, 4)
+    assert neighbours(track, 0, everything) == range(2)
+    assert neighbours(track, 8, everything) == range(7, 9)
 
 
-def test_without_a_reach_a_submap_stands_alone(track):
-    submaps, distance = track
-    assert neighbours(submaps, distance, 3, (0, len(distance)), 0.0) == range(3, 4)
+def test_windows_that_overlap_by_more_have_more(track):
+    denser = [replace(s, first_ping=50 * k, end_ping=50 * k + PINGS_A_SUBMAP) for k, s in enumerate(track)]
+    assert neighbours(denser, 4, (0, 10_000)) == range(1, 8)
 
 
-@given(st.integers(0, 4), st.integers(0, 4), st.floats(0.0, 500.0))
-def test_two_sides_share_no_ping(track, a, b, reach):
-    submaps, distance = track
-    if a == b:
-        return
+def test_a_submap_that_shares_no_ping_stands_alone(track):
+    apart = track[::2]
+    assert neighbours(apart, 1, (0, 10_000)) == range(1, 2)
+
+
+@given(st.integers(0, 8), st.integers(0, 8), st.integers(10, 300))
+def test_two_sides_share_no_ping(track, a, b, step):
+    track = [replace(s, first_ping=step * k, end_ping=step * k + PINGS_A_SUBMAP) for k, s in enumerate(track)]
     target, source = min(a, b), max(a, b)
-    middle = meeting_ping(submaps[target], submaps[source])
-    assert submaps[target].end_ping <= middle <= submaps[source].first_ping
-    near = neighbours(submaps, distance, target, (0, middle), reach)
-    far = neighbours(submaps, distance, source, (middle, len(distance)), reach)
+    if track[target].end_ping > track[source].first_ping:
+        return
+    middle = meeting_ping(track[target], track[source])
+    assert track[target].end_ping <= middle <= track[source].first_ping
+    near, far = neighbours(track, target, (0, middle)), neighbours(track, source, (middle, 10_000))
     assert target in near
     assert source in far
-    assert max(submaps[k].end_ping for k in near) <= min(submaps[k].first_ping for k in far)
+    assert max(track[k].end_ping for k in near) <= min(track[k].first_ping for k in far)
 
 
 def test_a_submap_that_stands_alone_keeps_its_relief(track):
-    submaps, _ = track
+    submaps = track
     reliefs = [wavy((0.0, 0.0))] * 5
     assert lay_beside(submaps, reliefs, 2, range(2, 3)) is reliefs[2]
 
