@@ -142,8 +142,7 @@ class Recording:
     @property
     def ping_spacing(self) -> float:
         """Median distance run between pings [m]."""
-        steps = np.diff(self.trajectory_dr.distance)
-        return float(np.median(steps)) if steps.size else float("nan")
+        return self.trajectory_dr.ping_spacing
 
     def __getitem__(self, pings: slice | AnyArray) -> Self:
         """The recording of some of the pings."""

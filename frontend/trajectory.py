@@ -89,3 +89,9 @@ class Trajectory:
         """Shape (N,): horizontal distance run since the first ping [m]."""
         step = np.hypot(np.diff(self.x), np.diff(self.y))
         return np.concatenate([[0.0], np.cumsum(step)])
+
+    @property
+    def ping_spacing(self) -> float:
+        """Median distance run between pings [m]; NaN for fewer than two."""
+        steps = np.diff(self.distance)
+        return float(np.median(steps)) if steps.size else float("nan")

@@ -1,16 +1,13 @@
 """What the commands do: read, run, write, and tell the person at the terminal."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from typing import TYPE_CHECKING
 
 from frontend.recording import Recording, Truth
 from sssslam.dive import Dive
 from sssslam.places import check_file, check_folder
-from sssslam.watch import Watch
+from sssslam.terminal import Shown, out_console, progress_console
 
 if TYPE_CHECKING:
     from sssslam.config import Config
@@ -18,40 +15,6 @@ if TYPE_CHECKING:
     from sssslam.products.result import Result
 
 # What takes seconds to load (the optimiser, compiled kernels, figures) is imported by the command that needs it.
-
-Item = TypeVar("Item")
-# Paths are printed as they are: [a] in one is no markup.
-out_console = Console(soft_wrap=True, highlight=False, markup=False)
-progress_console = Console(stderr=True)
-
-
-class Shown(Watch):
-    """A watch that draws a bar with rate and time left on a terminal, and nothing in a pipe."""
-
-    def track(self, name: str, items: Sequence[Item]) -> Iterator[Item]:
-        """As `Watch.track`, with a bar.
-
-        Parameters
-        ----------
-        name : str
-            The stage.
-        items : sequence
-            What it goes through.
-
-        Yields
-        ------
-        item
-            Each of the items.
-        """
-        name_column, rate_column = TextColumn("{task.description:>15}"), TextColumn("{task.fields[rate]}")
-        columns = (name_column, BarColumn(), MofNCompleteColumn(), rate_column, TimeRemainingColumn())
-        quiet = not progress_console.is_terminal
-        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as progress:
-            bar = progress.add_task(name, total=len(items), rate="")
-            for item in super().track(name, items):
-                yield item
-                speed = progress.tasks[bar].speed
-                progress.update(bar, advance=1, rate=f"{speed:.1f}/s" if speed else "")
 
 
 def configuration(path: Path | None, settings: Sequence[str] | None) -> "Config":
@@ -172,19 +135,17 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     """
     from frontend.bottom import find_bottom
     from frontend.reconstruction import calibrate
-    from frontend.windows import sliding_windows
     from sssslam.config import resolve
     from sssslam.products.shape import write_shape
-    from sssslam.stages import notes, reconstruct_windows
+    from sssslam.stages import choose_windows, notes, reconstruct_windows
 
     check_folder(out)
     recording = dive.read_track()
     config, watch = resolve(config, recording), Shown()
-    reach = float(recording.slant_range_max.max())
-    windows = sliding_windows(recording.trajectory_dr, reach, config.windows)
     bottom = find_bottom(recording, config.bottom)
+    windows, skipped = choose_windows(recording, bottom, config)
     radiometry = calibrate(recording, windows, bottom, config.radiometry, config.reconstruction.joint)
-    _say(notes(recording, bottom, radiometry, config))
+    _say((*notes(recording, bottom, radiometry, config), *skipped.notes))
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
     write_shape(recording, submaps, bottom.first_bottom_return, out)
     out_console.print(f"{len(submaps)} submaps in {out / 'submaps'}; look at {out / 'figures' / 'submaps.png'}")

@@ -20,7 +20,7 @@ from frontend.radiometry import RadiometryConfig
 from frontend.reconstruction import ReconstructionConfig
 from frontend.reconstruction.joint import cell_spacing
 from frontend.recording import Recording
-from frontend.windows import WindowConfig, window_length
+from frontend.windows import WindowConfig, resolve_windows
 
 
 class Config(BaseModel):
@@ -86,7 +86,7 @@ def resolve(config: Config, recording: Recording) -> Config:
         The same with every key set.
     """
     reach = float(recording.slant_range_max.max())
-    windows = config.windows.model_copy(update={"length": window_length(reach, config.windows)})
+    windows = resolve_windows(config.windows, reach, recording.ping_spacing)
     methods = {name: method for name, method in config.reconstruction if hasattr(method, "spacing")}
     cells = {name: method.spacing or cell_spacing(reach) for name, method in methods.items()}
     methods = {name: method.model_copy(update={"spacing": cells[name]}) for name, method in methods.items()}

@@ -1,6 +1,8 @@
 """The whole method on one screen: `slam` for a finished dive, `Slam` for pings as they come."""
 
-from collections.abc import Sequence
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +20,8 @@ from frontend.reconstruction import calibrate
 from frontend.recording import Recording, SonarGeometry
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
-from frontend.windows import Window, sliding_windows
+from frontend.window_checks import Unusable, usable_windows
+from frontend.windows import Window, finished_windows
 from sssslam.config import Config, resolve
 from sssslam.dead_reckoning import dead_reckon
 from sssslam.fixes import fixes_at_anchors
@@ -26,8 +29,10 @@ from sssslam.graph import anchor_pings, make_graph, prior_covariance, solve_at_f
 from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.readers.joining import join
-from sssslam.stages import close_loops, correct, decided, notes, reconstruct_windows
+from sssslam.stages import Skipped, choose_windows, close_loops, correct, decided, notes, reconstruct_windows
 from sssslam.watch import Watch
+
+_logger = logging.getLogger(__name__)
 
 N_FIRST_WINDOWS = 4  # that Slam waits for before it calibrates the sonar
 
@@ -60,10 +65,10 @@ def slam(
     config = resolve(config or Config(), recording)
     with watch.stage("dead reckoning"):
         recording, dead_reckoning = dead_reckon(recording, config.dead_reckoning)
-    windows = sliding_windows(recording.trajectory_dr, float(recording.slant_range_max.max()), config.windows)
     # echoes to shape
     with watch.stage("bottom"):
         bottom = find_bottom(recording, config.bottom)
+    windows, skipped = choose_windows(recording, bottom, config)
     with watch.stage("radiometry"):
         radiometry = calibrate(recording, windows, bottom, config.radiometry, config.reconstruction.joint)
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
@@ -79,6 +84,7 @@ def slam(
     closures = decided(closures, solution)
     with watch.stage("correction"):
         trajectory, sigmas = correct(recording.trajectory_dr, submaps, solution, dead_reckoning)
+    said = notes(recording, bottom, radiometry, config)
     return Result(
         recording,
         config.model_dump(mode="json"),
@@ -89,8 +95,8 @@ def slam(
         tuple(closures),
         solution,
         watch.seconds,
-        (*notes(recording, bottom, radiometry, config), *fixes.notes, *override_notes(found, closures, overrides)),
-        fixes.counts,
+        (*said, *skipped.notes, *fixes.notes, *override_notes(found, closures, overrides)),
+        {**skipped.counts, **fixes.counts},
     )
 
 
@@ -116,9 +122,11 @@ class Slam:
         self.sonar = sonar
         self.loop_closures: list[LoopClosure] = []
         self.submaps: list[Submap] = []
+        self.skipped = Skipped()
         self._features: list[Features] = []
         self._pings: Recording | None = None
         self._n_forgotten = 0
+        self._n_windows = 0  # reconstructed or skipped
         self._track: Trajectory | None = None
         self._radiometry: Radiometry | None = None
         self._candidates: list[LoopClosure] = []
@@ -151,13 +159,14 @@ class Slam:
         self._track = chunk.trajectory_dr if self._track is None else self._track.joined(chunk.trajectory_dr)
         self.config = resolve(self.config, chunk)
         reach = float(chunk.slant_range_max.max())
-        # the last window may still grow
-        finished = sliding_windows(self._track, reach, self.config.windows)[:-1]
-        waiting = finished[len(self.submaps) :]
+        # the last window may still grow, or be cut
+        waiting = finished_windows(self._track, reach, self.config.windows)[self._n_windows :]
         if not waiting or (self._radiometry is None and len(waiting) < N_FIRST_WINDOWS):
             return
+        n_known, self._n_windows = len(self.submaps), self._n_windows + len(waiting)
         self._reconstruct([self._local(window) for window in waiting])
-        self._close_loops(len(waiting))
+        if len(self.submaps) > n_known:
+            self._close_loops(len(self.submaps) - n_known)
         self._forget(waiting[-1].first_ping)
 
     def _dead_reckoning(self) -> DeadReckoning:
@@ -171,15 +180,30 @@ class Slam:
     def _reconstruct(self, windows: Sequence[Window]) -> None:
         """Submaps and features of finished windows, numbered in the pings of the whole dive."""
         assert self._pings is not None
-        bottom = find_bottom(self._pings, self.config.bottom)
+        try:
+            bottom = find_bottom(self._pings, self.config.bottom)
+        except ValueError:  # nothing in these pings: it may come into range again
+            self._skip({str(Unusable.BOTTOM_LOST): len(windows)})
+            return
+        windows, reasons = usable_windows(self._pings, windows, bottom, self.config.windows)
+        self._skip(reasons)
+        if not windows:
+            return
         if self._radiometry is None:
             joint = self.config.reconstruction.joint
             self._radiometry = calibrate(self._pings, windows, bottom, self.config.radiometry, joint)
         n = self._n_forgotten
         for s in reconstruct_windows(self._pings, windows, (bottom, self._radiometry), self.config, Watch()):
             first, end, anchor = s.first_ping + n, s.end_ping + n, s.anchor_ping + n
-            self.submaps.append(replace(s, first_ping=first, end_ping=end, anchor_ping=anchor))
+            s = replace(s, number=len(self.submaps), first_ping=first, end_ping=end, anchor_ping=anchor)
+            self.submaps.append(s)
             self._features.append(describe_submap(s, self.config.features))
+
+    def _skip(self, reasons: Mapping[str, int]) -> None:
+        """Count windows that cannot be reconstructed."""
+        self.skipped = Skipped(self._n_windows, Counter(self.skipped.reasons) + Counter(reasons))
+        for reason, count in reasons.items():
+            _logger.warning("Skipped %d windows: %s.", count, reason)
 
     def _close_loops(self, n_new: int) -> None:
         """Compare the new submaps with all before, and solve the graph again."""

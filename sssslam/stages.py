@@ -1,9 +1,10 @@
 """The stages of the method as `sssslam.pipeline` strings them together: the two halves hand over plain values here."""
 
+import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,10 +21,83 @@ from frontend.reconstruction import method_of
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
-from frontend.windows import Window
+from frontend.window_checks import usable_windows
+from frontend.windows import Window, sliding_windows
 from sssslam.config import Config
 from sssslam.graph import anchor_pings, anchor_poses, prior_covariance
 from sssslam.watch import Watch
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """Windows that cannot be reconstructed.
+
+    Parameters
+    ----------
+    n_windows : int
+        Of how many, those that can among them.
+    reasons : mapping of str to int
+        How many cannot, by reason.
+    """
+
+    n_windows: int = 0
+    reasons: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """How many for which reason."""
+        return "; ".join(f"{count} for {reason}" for reason, count in self.reasons.items())
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """For ``run.json``."""
+        return {"windows_skipped": sum(self.reasons.values())}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for log and report; none where no window was skipped."""
+        n = sum(self.reasons.values())
+        return (f"Skipped {n} of {self.n_windows} windows: {self.words}.",) if n else ()
+
+
+def choose_windows(recording: Recording, bottom: Bottom, config: Config) -> tuple[list[Window], Skipped]:
+    """Cut a dive into the windows that can be reconstructed.
+
+    Parameters
+    ----------
+    recording : Recording
+        The dive.
+    bottom : Bottom
+        What was found of the bottom.
+    config : Config
+        How it is cut.
+
+    Returns
+    -------
+    windows : list of Window
+        At least one, numbered from 0.
+    skipped : Skipped
+        The others.
+
+    Raises
+    ------
+    ValueError
+        If none can be reconstructed.
+    """
+    reach = float(recording.slant_range_max.max())
+    windows = sliding_windows(recording.trajectory_dr, reach, config.windows)
+    usable, reasons = usable_windows(recording, windows, bottom, config.windows)
+    skipped = Skipped(len(windows), reasons)
+    if not usable:
+        raise ValueError(
+            f"{recording.source or 'the recording'}: none of {len(windows)} windows can be reconstructed "
+            f"({skipped.words}); a moving vehicle in range of the bottom is wanted"
+        )
+    for note in skipped.notes:
+        _logger.warning(note)
+    return usable, skipped
 
 
 def reconstruct_windows(
@@ -161,10 +235,12 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
     notes : tuple of str
         For the report and the terminal.
     """
+    windows, spacing = config.windows, getattr(config.reconstruction, config.reconstruction.method).spacing
+    size = f"{windows.n_lines} pings" if windows.method == "lines" else f"{windows.length:.0f} m"
+    cut = ", cut at turns," if windows.method == "adaptive" else ""
     chosen = [
-        f"Windows of {config.windows.length:.0f} m that overlap by {config.windows.overlap:.0%}, "
-        f"cells of {getattr(config.reconstruction, config.reconstruction.method).spacing:.2g} m: from a slant range of "
-        f"{recording.slant_range_max.max():.0f} m.",
+        f"Windows of {size}{cut} that overlap by {windows.overlap:.0%}, cells of {spacing:.2g} m: from a slant range "
+        f"of {recording.slant_range_max.max():.0f} m.",
         radiometry.words,
     ]
     if config.reconstruction.method == "joint":

@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from frontend.trajectory import Trajectory
-from frontend.windows import Window, WindowConfig, sliding_windows, window_length
+from frontend.turns import straight_and_turning
+from frontend.windows import (
+    Window,
+    WindowConfig,
+    finished_windows,
+    resolve_windows,
+    sliding_windows,
+    window_length,
+)
 
 
 def straight_track(x):
@@ -113,5 +121,71 @@ def test_finished_windows_do_not_change_when_more_pings_come(steps, n_first):
     config = WindowConfig(length=40.0)
     track = straight_track(np.cumsum(steps))
     early = sliding_windows(track[slice(0, n_first)], 1.0, config)[:-1]
+    late = sliding_windows(track, 1.0, config)
+    assert late[: len(early)] == early
+
+
+def winding_track(parts):
+    """A track of pieces of 25 m that turn by so much a metre each, a ping a metre."""
+    curvature = np.repeat(parts, 25)
+    yaw = np.cumsum(curvature)
+    x, y, zero = np.cumsum(np.cos(yaw)), np.cumsum(np.sin(yaw)), np.zeros_like(yaw)
+    return Trajectory(np.arange(len(yaw)) * 0.5, x, y, zero, zero, zero, yaw)
+
+
+winding = st.lists(st.sampled_from([0.0, 0.0, 0.0, 0.01, 0.03, 0.06, -0.05]), min_size=1, max_size=24).map(
+    winding_track
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(winding, st.integers(3, 60), st.floats(0.0, 0.9))
+def test_windows_of_lines_have_as_many_lines_and_leave_none_out(track, n_lines, overlap):
+    config = WindowConfig(method="lines", n_lines=n_lines, overlap=overlap, n_edge_pings=0)
+    windows = sliding_windows(track, 50.0, config)
+    assert {w.n_pings for w in windows[:-1]} <= {n_lines}
+    assert len(track) < n_lines or n_lines <= windows[-1].n_pings < 2 * n_lines
+    assert np.unique(np.concatenate([np.arange(w.first_ping, w.end_ping) for w in windows])).size == len(track)
+    steps = {b.first_ping - a.first_ping for a, b in pairwise(windows[:-1])}
+    assert steps <= {max(1, round(n_lines * (1 - overlap)))}
+
+
+def test_lines_that_nobody_counted_run_the_length_of_a_window():
+    config = resolve_windows(WindowConfig(method="lines"), 50.0, 0.5)
+    assert (config.length, config.n_lines, config.min_radius) == (75.0, 150, 50.0)
+    assert resolve_windows(WindowConfig(), 50.0, float("nan")).n_lines == 75
+    assert resolve_windows(WindowConfig(length=0.1), 50.0, 1.0).n_lines == 3
+
+
+def test_a_halt_fills_windows_of_lines_but_not_those_of_distance():
+    halting = straight_track(np.concatenate([np.arange(100.0), np.full(500, 99.0), np.arange(100.0, 200.0)]))
+    lines = sliding_windows(halting, 50.0, WindowConfig(method="lines", n_lines=100, overlap=0.0, n_edge_pings=0))
+    assert len(lines) == 7
+    assert len(sliding_windows(halting, 50.0, WindowConfig(length=99.0, overlap=0.0, n_edge_pings=0))) == 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(winding, st.floats(5.0, 100.0), st.floats(0.0, 0.9))
+def test_adaptive_windows_cover_every_ping_and_none_reaches_across_a_cut(track, length, overlap):
+    config = WindowConfig(method="adaptive", length=length, overlap=overlap, n_edge_pings=0, min_radius=50.0)
+    windows = sliding_windows(track, 50.0, config)
+    assert np.unique(np.concatenate([np.arange(w.first_ping, w.end_ping) for w in windows])).size == len(track)
+    assert [w.number for w in windows] == list(range(len(windows)))
+    assert all(w.first_ping <= w.anchor_ping < w.end_ping for w in windows)
+    pieces = straight_and_turning(track, config.min_turn, 50.0)
+    assert all(any(a <= w.first_ping and w.end_ping <= b for a, b in pieces) for w in windows)
+
+
+def test_adaptive_windows_of_a_straight_track_are_those_of_distance():
+    track = straight_track(np.arange(300.0))
+    ways = [WindowConfig(method=method) for method in ("adaptive", "distance")]
+    assert sliding_windows(track, 50.0, ways[0]) == sliding_windows(track, 50.0, ways[1])
+
+
+@settings(max_examples=80, deadline=None)
+@given(winding, st.integers(1, 600), st.sampled_from(["distance", "lines", "adaptive"]), st.floats(0.0, 0.8))
+def test_finished_windows_of_no_method_change_when_more_pings_come(track, n_first, method, overlap):
+    config = WindowConfig(method=method, length=40.0, n_lines=30, overlap=overlap, min_radius=50.0)
+    early = finished_windows(track[slice(0, n_first)], 1.0, config)
     late = sliding_windows(track, 1.0, config)
     assert late[: len(early)] == early
