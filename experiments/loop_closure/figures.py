@@ -1,0 +1,31 @@
+"""Figures of the loop closure experiment."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+Curve = tuple[np.ndarray, np.ndarray]
+_COLOURS = {"chain": "C0", "correlation": "C1", "ransac": "C2", "fgr": "C3", "kiss-matcher": "C4", "map-closures": "C5"}
+
+
+def draw_curves(curves: Mapping[tuple[str, str, str], Curve], path: Path) -> None:
+    """Precision over recall, one panel for each knowledge of the heading; broken lines have the true terrain."""
+    panes = sorted({heading for heading, _, _ in curves})
+    figure, axes = plt.subplots(1, max(len(panes), 1), figsize=(5.5 * max(len(panes), 1), 4.5), squeeze=False)
+    for axis, pane in zip(axes[0], panes, strict=False):
+        for (heading, surface, row), (recall, precision) in curves.items():
+            if heading == pane and len(recall):
+                style = "-" if surface == "reconstructed" else "--"
+                axis.plot(recall, precision, style, color=_COLOURS[row], label=f"{row}, {surface}", lw=1.5)
+        axis.set(xlim=(0, 1.02), ylim=(0, 1.03), xlabel="recall, overlap of 30 % and more", ylabel="precision")
+        axis.set_title(f"heading {pane}")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7, loc="lower left")
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
