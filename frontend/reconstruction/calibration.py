@@ -7,7 +7,7 @@ import numpy as np
 
 from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry
-from frontend.reconstruction.joint import JointConfig, descend, make_posterior
+from frontend.reconstruction.joint import JointConfig, coarse_to_fine, descend, make_posterior
 from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.seafloor import estimate_seafloor
 from frontend.reconstruction.solver import Solution
@@ -55,9 +55,14 @@ def calibrate(
     estimate = _with_seafloor(estimate, data, altitudes, joint)
     free = joint.model_copy(update={"prior": joint.prior.model_copy(update={"beam": _FREE})})
     for _ in range(radiometry.n_rounds):
-        solved = [descend(part, estimate, free, max(1, joint.n_levels - 1))[-1] for part in data]
+        solved = [_coarsely(part, estimate, free) for part in data]
         estimate = replace(estimate, tables=_with_common_beam(estimate.tables, solved))
     return _with_seafloor(estimate, data, altitudes, joint)
+
+
+def _coarsely(data: WindowData, radiometry: Radiometry, config: JointConfig) -> tuple[Posterior, Solution]:
+    """A window at the finest resolution but one, with the dive's belief: its own would take beam pattern for relief."""
+    return descend(coarse_to_fine(data, radiometry, config, 1), config.solver)[-1]
 
 
 def _with_seafloor(

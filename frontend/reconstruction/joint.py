@@ -1,6 +1,7 @@
 """Joint estimate of height and reflectivity of a window by analysis by synthesis in the slant-range domain."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Raster, coverage
 from frontend.reconstruction.posterior import Altimeter, Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior
+from frontend.reconstruction.relief import ReliefConfig, believing, learn_relief
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
 from frontend.reconstruction.unknowns import Unknowns
 from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
@@ -67,6 +69,7 @@ class JointConfig(BaseModel):
         default=12, ge=2, description="Every so many-th line [1] is kept aside to say when a solution fits only noise."
     )
     prior: PriorConfig = PriorConfig()
+    relief: ReliefConfig = ReliefConfig()
     solver: SolverConfig = SolverConfig()
 
 
@@ -112,18 +115,21 @@ def reconstruct(
     submap : Submap
         Heights, sigma, log-reflectivity and shadow on a grid in the level frame of the anchor ping.
     """
+    until = time.monotonic() + config.solver.deadline
     data = window_data(recording, window, bottom, radiometry)
-    levels = descend(data, radiometry, config, config.n_levels)
+    posteriors = coarse_to_fine(data, radiometry, config)
+    relief = learn_relief(posteriors[0], config.relief, config.solver, until)
+    levels = descend([believing(posterior, relief) for posterior in posteriors], config.solver, until)
     posterior, solution = levels[-1]
     rng = np.random.default_rng([window.first_ping, window.end_ping])
     sigma = _sigma(*levels[max(len(levels) - 2, 0)], posterior.raster, (config, rng))
     return _submap(recording, window, data, posterior, solution, sigma)
 
 
-def descend(
-    data: WindowData, radiometry: Radiometry, config: JointConfig, n_levels: int
-) -> list[tuple[Posterior, Solution]]:
-    """Solve from the coarsest resolution down.
+def coarse_to_fine(
+    data: WindowData, radiometry: Radiometry, config: JointConfig, n_left_out: int = 0
+) -> list[Posterior]:
+    """The posteriors of a window, one a resolution.
 
     Parameters
     ----------
@@ -133,20 +139,41 @@ def descend(
         Calibration.
     config : JointConfig
         The method's settings.
-    n_levels : int
-        How many of the configured resolutions to run, from the coarsest.
+    n_left_out : int
+        How many of the finest to leave out; the coarsest is always there.
+
+    Returns
+    -------
+    posteriors : list of Posterior
+        With the dive's belief; the finest last.
+    """
+    finest = min(n_left_out, config.n_levels - 1)
+    return [make_posterior(data, radiometry, config, coarser) for coarser in reversed(range(finest, config.n_levels))]
+
+
+def descend(
+    posteriors: Sequence[Posterior], config: SolverConfig, until: float = np.inf
+) -> list[tuple[Posterior, Solution]]:
+    """Solve from the coarsest resolution down.
+
+    Parameters
+    ----------
+    posteriors : sequence of Posterior
+        Of one window, each finer than the one before.
+    config : SolverConfig
+        When to stop.
+    until : float
+        Time of the monotonic clock at which to stop [s].
 
     Returns
     -------
     levels : list of (Posterior, Solution)
         One pair a resolution, the finest last.
     """
-    until = time.monotonic() + config.solver.deadline
     levels: list[tuple[Posterior, Solution]] = []
-    for k in range(n_levels):
-        posterior = make_posterior(data, radiometry, config, config.n_levels - 1 - k)
+    for posterior in posteriors:
         start = _refined(*levels[-1], posterior) if levels else posterior.origin()
-        levels.append((posterior, minimise(posterior, start, config.solver, until)))
+        levels.append((posterior, minimise(posterior, start, config, until)))
     return levels
 
 

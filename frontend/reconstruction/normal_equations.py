@@ -93,6 +93,14 @@ class NormalEquations:
         data = self._pull(noise, weights.T @ (np.sqrt(precision) * rng.standard_normal(len(precision))))
         return data.to_coordinates().plus(self.prior.draw(self.object_precision, len(self.weight), rng))
 
+    @property
+    def background_gain(self) -> FloatArray:
+        """Shape (n_y, n_x): share of each wave's variance that the data tell, patches of sediment being possible."""
+        background, _, reflectivity, _, _ = self._preconditioner
+        patches = self.prior.reflectivity / reflectivity  # what is left once an unknown reflectivity is allowed for
+        told = (background - self.prior.background) * patches
+        return np.asarray(told / (told + self.prior.background))
+
     @cached_property
     def beam_information(self) -> FloatArray:
         """Shape (2, K): what the echoes say about each knot of the beam pattern."""

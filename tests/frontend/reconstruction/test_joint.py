@@ -19,6 +19,7 @@ from frontend.reconstruction import JointConfig, calibrate
 from frontend.reconstruction.forward import Raster
 from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct, resample
 from frontend.reconstruction.priors import PriorConfig
+from frontend.reconstruction.relief import ReliefConfig
 from frontend.reconstruction.solver import SolverConfig
 from frontend.recording import Recording
 from frontend.submaps import Submap
@@ -145,14 +146,31 @@ def test_a_ramp_across_the_track_has_its_slope_where_long_waves_are_believed_in(
     tmp_path: Path, radiometry: Radiometry
 ) -> None:
     # a slope as wide as the swath is longer than any wave of the default belief, which takes it for reflectivity
+    # and one ramp is smooth: a belief that follows the window would take some of its slope back
     believing = JointConfig(
         prior=PriorConfig(longest=200.0),
+        relief=ReliefConfig(n_rounds=0),
         solver=SolverConfig(n_steps=6, n_products=20, improvement=1e-6),
     )
     seen = see(sound(tmp_path, lambda x, y: 0.06 * y + 0.0 * x), replace(radiometry, seafloor=ROUGH), believing)
     inside = seen.inside(40.0)
     slope = np.polyfit(seen.points[inside, 1], seen.points[inside, 2], 1)[0]
     assert slope == pytest.approx(0.06, rel=0.15)  # six steps; in ten it is 0.0586
+
+
+def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
+    tmp_path: Path, radiometry: Radiometry
+) -> None:
+    def groove(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.clip((np.abs(y) - 10.0) * 0.16, 0.0, 3.2) * (np.abs(y) < 30.0) + 0.0 * x
+
+    recording = sound(tmp_path, groove)
+    following, fixed = (
+        see(recording, radiometry, JointConfig(relief=ReliefConfig(n_rounds=n))) for n in (ReliefConfig().n_rounds, 0)
+    )
+    rms = [float(np.sqrt(np.mean(seen.error[seen.inside(28.0)] ** 2))) for seen in (following, fixed)]
+    assert rms[0] < 0.1 * 3.2  # of its height
+    assert rms[0] < 0.5 * rms[1]
 
 
 def test_a_wall_casts_a_shadow_and_what_lies_in_it_is_marked(tmp_path: Path, radiometry: Radiometry) -> None:
