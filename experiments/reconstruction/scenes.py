@@ -71,6 +71,15 @@ def reef(_: int) -> Layers:
     return [{"kind": "grid", "file": file, "scale": 20.0, "height_scale": 5.0}, {"kind": "sediment", "rms": 0.2}]
 
 
+def waves(_: int) -> Layers:
+    """The floor of the scene ``sand-waves``: 0.9 m high, 14 m long, oblique to the track."""
+    return [
+        {"kind": "waves", "wavelength": 14.0, "height": 0.9, "direction_deg": 60.0, "skewness": 0.5, "wander": 0.12},
+        {"kind": "fractal", "rms": 0.25, "exponent": 3.5, "longest": 40.0},
+        {"kind": "sediment", "rms": 0.15},
+    ]
+
+
 FLOORS: dict[str, Callable[[int], Layers]] = {
     "groove": groove,
     "fractal-0.4": fractal(0.4),
@@ -79,6 +88,7 @@ FLOORS: dict[str, Callable[[int], Layers]] = {
     "bare-0.8": bare,
     "falls": falls,
     "reef": reef,
+    "waves": waves,
 }
 _SIZES = {"reef": 159.0, "falls": 380.0}  # of the terrain [m]; what the file holds
 _LENGTHS = {"reef": 70.0}  # of a pass [m]
