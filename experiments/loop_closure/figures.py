@@ -29,3 +29,19 @@ def draw_curves(curves: Mapping[tuple[str, str, str], Curve], path: Path) -> Non
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     plt.close(figure)
+
+
+def draw_reliability(claims: Mapping[str, list[tuple[float, float, int]]], path: Path) -> None:
+    """Share that is right over the probability that was said; bars are two standard deviations of counting."""
+    figure, axis = plt.subplots(figsize=(4.8, 4.5))
+    for name, rows in claims.items():
+        said, right, n = np.array(rows).T
+        spread = 2 * np.sqrt((right * (1 - right) + 1 / (n + 4)) / n)
+        axis.errorbar(said, right, yerr=np.minimum(spread, 0.5), fmt="o-", capsize=3, label=name)
+    axis.plot([0, 1], [0, 1], "k:", lw=1)
+    axis.set(xlim=(-0.02, 1.02), ylim=(-0.05, 1.05), xlabel="probability said", ylabel="share that is right")
+    axis.grid(alpha=0.3)
+    axis.legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,118 @@
+"""The probability that a candidate is true: fitted on tuning seeds, judged on reporting seeds."""
+
+import argparse
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import figures
+import numpy as np
+from dives import INFORMATIVE, TUNING_SEEDS
+from report import HALF, THIRD, is_right, is_seen_again
+from scipy.optimize import minimize
+
+from frontend.acceptance import AcceptanceConfig
+from frontend.probability import probability
+
+Record = dict[str, Any]
+HERE = Path(__file__).resolve().parent
+EDGES = (0.0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999, 1.0)
+_SHRINK = 0.1  # of the weights of standardised numbers: a hundredth of what the records say
+
+
+def fit(records: Sequence[Record]) -> tuple[float, float, float]:
+    """Offset and the weights of lead and correlation that make the truth of the records likeliest."""
+    x = np.array([[r["significance"] - max(r["runner_up"], 0.0), r["correlation"]] for r in records])
+    sign = np.where([is_right(r) for r in records], 1.0, -1.0)
+    mean, scale = x.mean(axis=0), x.std(axis=0)
+    design = np.column_stack([np.ones(len(x)), (x - mean) / scale])
+
+    def cost(b: np.ndarray) -> float:
+        return float(np.logaddexp(0.0, -sign * (design @ b)).sum() + _SHRINK * (b[1:] ** 2).sum())
+
+    b = minimize(cost, np.zeros(3)).x
+    weights = b[1:] / scale
+    return float(b[0] - weights @ mean), float(weights[0]), float(weights[1])
+
+
+def said(record: Record) -> float:
+    """What `frontend.probability` says of a record."""
+    return probability(record["significance"], record["runner_up"], record["correlation"])
+
+
+def by_chance(record: Record) -> float:
+    """What the chance of unrelated floors would say, were it the probability of being false."""
+    return 1.0 - min(record["chance"], 1.0)
+
+
+def reliability(records: Sequence[Record], claim: Callable[[Record], float]) -> list[tuple[float, float, int]]:
+    """Mean claim, share that is right, and number of the records of each class of the claim."""
+    claims, right = np.array([claim(r) for r in records]), np.array([is_right(r) for r in records])
+    which = np.clip(np.searchsorted(EDGES, claims, side="right") - 1, 0, len(EDGES) - 2)
+    chosen = [which == k for k in range(len(EDGES) - 1)]
+    return [(float(claims[c].mean()), float(right[c].mean()), int(c.sum())) for c in chosen if c.any()]
+
+
+def log_loss(records: Sequence[Record], claim: Callable[[Record], float]) -> float:
+    """Mean logarithmic loss [nat], no claim surer than 1e-6."""
+    claims = np.clip([claim(r) for r in records], 1e-6, 1 - 1e-6)
+    return float(-np.mean(np.log(np.where([is_right(r) for r in records], claims, 1 - claims))))
+
+
+def is_sure(record: Record, least: float) -> bool:
+    """Accepted by the probability and the rules on geometry, in the place of chance, lead and least correlation."""
+    rules = AcceptanceConfig()
+    return bool(
+        record["inside"]
+        and record["overlap"] >= rules.min_overlap
+        and record["height_residual"] <= rules.max_height_residual
+        and max(record["sigma_x"], record["sigma_y"]) <= rules.max_sigma
+        and said(record) >= least
+    )
+
+
+def acceptance_lines(records: Sequence[Record]) -> Iterable[str]:
+    """What would be accepted at several probabilities, beside what is."""
+    yield "| rule | accepted | false | informative, 50 % and more | 30 to 50 % |\n|---|---|---|---|---|"
+    yield _counts("as it is", records, lambda r: bool(r.get("accepted")))
+    for least in (0.9, 0.97, 0.99, 0.997):
+        yield _counts(f"probability of {least} and more", records, lambda r, p=least: "chance" in r and is_sure(r, p))
+
+
+def _counts(name: str, records: Sequence[Record], accepts: Callable[[Record], bool]) -> str:
+    kept = [r for r in records if accepts(r)]
+    shares = []
+    for overlap in (HALF, THIRD):
+        of = [r for r in records if r["floor"] in INFORMATIVE and is_seen_again(r, (overlap,))]
+        shares.append(f"{sum(accepts(r) and is_right(r) for r in of)}/{len(of)}")
+    return f"| {name} | {len(kept)} | {sum(not is_right(r) for r in kept)} | {' | '.join(shares)} |"
+
+
+def main() -> None:
+    """Fit, print, draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=HERE / "out")
+    arguments = parser.parse_args()
+    files = sorted((arguments.out / "pairs").glob("chain-reconstructed-*.json"))
+    records = [record for file in files for record in json.loads(file.read_text())]
+    verified = [r for r in records if "chance" in r]
+    tuning = [r for r in verified if r["seed"] in TUNING_SEEDS]
+    print("Fit: offset {:.2f}, lead {:.2f}, correlation {:.1f}".format(*fit(tuning)), end=", ")
+    print(f"{np.mean([is_right(r) for r in tuning]):.2f} of {len(tuning)} right.\n")
+    for heading in ("known", "unknown"):
+        chosen = [r for r in verified if r["seed"] not in TUNING_SEEDS and r["heading"] == heading]
+        if not chosen:
+            continue
+        print(f"Reporting seeds, heading {heading}: log loss {log_loss(chosen, said):.3f}, ", end="")
+        print(f"of 1 - chance {log_loss(chosen, by_chance):.3f}.\n\n| said | right | candidates |\n|---|---|---|")
+        for mean, right, n in reliability(chosen, said):
+            print(f"| {mean:.3f} | {right:.3f} | {n} |")
+        everything = [r for r in records if r["seed"] not in TUNING_SEEDS and r["heading"] == heading]
+        print("", *acceptance_lines(everything), "", sep="\n")
+        curves = {"probability": reliability(chosen, said), "1 - chance": reliability(chosen, by_chance)}
+        figures.draw_reliability(curves, arguments.out / f"reliability_{heading}.png")
+
+
+if __name__ == "__main__":
+    main()
