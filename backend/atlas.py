@@ -133,7 +133,7 @@ def believe_inside_gates(offer: Offer) -> Belief:
             atlas.add(closure)
             believed.append(position)
     chosen, T = np.array(sorted(believed), dtype=np.int64), start_poses(problem)
-    if not chosen.size or not is_enough(problem.compared(T)[chosen], config):
+    if not chosen.size or not is_enough(problem.compared(T, chosen), config):
         return Belief(chosen[:0], 1.0, T)
     return Belief(chosen, 1.0, improve([*problem.known_factors(1.0), *between_factors(problem.chosen(chosen))], T))
 

@@ -60,13 +60,13 @@ def believe_consistent(offer: Offer) -> Belief:
     """
     problem = offer.problem
     T = start_poses(problem)
-    compared = problem.compared(T)[offer.closures]
+    compared = problem.compared(T, offer.closures)
     consistent = consistent_closures(compared, offer.consistency)
     for _ in range(_MAX_ROUNDS):
         if not consistent.is_member.any():
             break
         T = _solved(offer, consistent, T)
-        again = reconsidered(problem.compared(T)[offer.closures], consistent, offer.consistency)
+        again = reconsidered(problem.compared(T, offer.closures), consistent, offer.consistency)
         n_changed = int((again.is_member != consistent.is_member).sum())
         consistent = again
         if n_changed <= _SETTLED * again.is_member.sum():

@@ -74,7 +74,7 @@ def harmful_closures(
     worst = int(np.argmax(distances))
     if distances[worst] > chdtri(6, 1.0 - config.residual_probability):
         return {int(estimate.holding[worst]): str(Withdrawal.RESIDUAL)}
-    compared = problem.compared(estimate.T_world_anchor)[estimate.holding]
+    compared = problem.compared(estimate.T_world_anchor, estimate.holding)
     if _correction(compared, estimate.odometry_scale) > config.max_correction:
         return {int(closure): str(Withdrawal.BEYOND_DRIFT) for closure in estimate.holding}
     return {} if agreement is None else _disagreeing(estimate, problem, agreement, config)

@@ -10,10 +10,13 @@ from backend.beliefs import Offer
 from backend.consistency import ConsistentSet, consistent_closures, reconsidered
 from backend.evidence import surpluses
 from backend.factors import between_factors, graph_of, poses_of
-from backend.innovations import Innovations, innovations
+from backend.innovations import Innovations
 from backend.problem import Belief, Problem
 
-_RELINEARISE = 0.1  # change of a pose [rad, m] beyond which its factors are linearised again, as GTSAM suggests
+_RELINEARISE = np.repeat([0.02, 20.0], 3)  # change of a pose [rad, m] beyond which its factors are linearised again:
+# they are linear in where poses lie, and a turn of 0.02 rad bends a step of ten metres by 2 mm
+_STEPS_BETWEEN = 10  # anchors between two looks at whose turn it is; between them nobody turns far
+_FINAL_STEPS = 2  # at the end of the track, each with everything linearised again
 _MAX_JUDGES = 100  # believed closures that judge a new one; more make no difference to it
 _GROWTH = 1.5  # by this factor doubtful closures must have grown in number before all are judged together again
 
@@ -25,9 +28,10 @@ class IncrementalSolver:
     """
 
     def __init__(self) -> None:
-        params = gtsam.ISAM2Params()
-        params.setRelinearizeThreshold(_RELINEARISE)
-        params.relinearizeSkip = 1
+        params, thresholds = gtsam.ISAM2Params(), gtsam.ISAM2ThresholdMap()
+        thresholds.insert((chr(0), _RELINEARISE))  # of keys that are plain numbers
+        params.setRelinearizeThreshold(thresholds)
+        params.relinearizeSkip = _STEPS_BETWEEN
         params.setFactorization("QR")
         self._isam = gtsam.ISAM2(params)
         self._n_anchors = 0
@@ -123,14 +127,17 @@ class IncrementalGraph:
             self._judge_together()
             present = ConsistentSet(np.isin(self._arrived, self.believed), self.scale)
             self._adopt(reconsidered(self._compared(self._arrived), present, self._offer.consistency))
+        for _ in range(_FINAL_STEPS):
+            self._begin_again(self.believed, self.scale)
 
     def _judge(self) -> None:
         """Believe what the believed closures speak for; judge all anew when many are in doubt."""
         doubtful = np.setdiff1d(self._arrived, self.believed)
         if self.believed.size:
             few = np.linspace(0, self.believed.size - 1, min(_MAX_JUDGES, self.believed.size)).astype(np.int64)
-            judges, cost = self._compared(self.believed[few]), self._offer.consistency.false_cost
-            surplus, _ = surpluses(self._compared(doubtful), judges, self.scale, cost)
+            compared = self._compared(np.concatenate([self.believed[few], doubtful]))
+            judges, judged = compared[: few.size], compared[few.size :]
+            surplus, _ = surpluses(judged, judges, self.scale, self._offer.consistency.false_cost)
             self._believe(doubtful[surplus > 0.0])
             doubtful = doubtful[surplus <= 0.0]
         if doubtful.size >= self._n_doubtful:
@@ -151,8 +158,7 @@ class IncrementalGraph:
 
     def _compared(self, closures: IntArray) -> Innovations:
         """Closures against the dead reckoning so far, about the present poses."""
-        odometry, chance = self._problem.odometry[: self.solver.n_anchors - 1], self._problem.chance[closures]
-        return innovations(self.solver.poses(), odometry, self._problem.chosen(closures), chance)
+        return self._problem.compared(self.solver.poses(), closures)
 
     def _believe(self, closures: IntArray) -> None:
         """Let closures hold the graph from now on."""

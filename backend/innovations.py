@@ -9,16 +9,14 @@ later, for a long dive turns and shifts by more than a linear model bears. About
 odometry disagrees with the poses too, and what its steps explain of a closure is taken off.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from backend.arrays import BoolArray, FloatArray, IntArray
-from backend.poses import RelativePose, adjoint, cross_matrix, invert, sandwich
-
-_PLANAR = np.array([2, 3, 4])  # yaw, x, y in a 6-vector
+from backend.poses import cross_matrix, invert, sandwich
+from backend.stacks import RelativeStack
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class Innovations:
     def __len__(self) -> int:
         return len(self.yaw)
 
-    def __getitem__(self, chosen: IntArray | BoolArray) -> "Innovations":
+    def __getitem__(self, chosen: IntArray | BoolArray | slice) -> "Innovations":
         each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance")
         return replace(self, **{name: getattr(self, name)[chosen] for name in each})
 
@@ -126,8 +124,8 @@ class Innovations:
 
 def innovations(
     T_world_anchor: FloatArray,
-    odometry: Sequence[RelativePose],
-    closures: Sequence[RelativePose],
+    odometry: RelativeStack,
+    closures: RelativeStack,
     chance: ArrayLike = 1.0,
 ) -> Innovations:
     """Compare closures with dead reckoning.
@@ -136,9 +134,9 @@ def innovations(
     ----------
     T_world_anchor : ndarray, shape (S, 4, 4)
         Poses of the anchors to take it about: dead-reckoned ones, or a solution.
-    odometry : sequence of RelativePose, length S - 1
+    odometry : RelativeStack, length S - 1
         From each anchor to the next, in order.
-    closures : sequence of RelativePose, length C
+    closures : RelativeStack, length C
         The loop closures.
     chance : array_like, shape (C,)
         Expected number of false closures as good as each [1]; 1 where nobody knows.
@@ -153,8 +151,7 @@ def innovations(
     drift = _cumulated(_world_covariances(T, odometry))
     walked = _cumulated(_planar_logarithm(*_world_motions(T, odometry)))
     yaw, shift = _world_motions(T, closures)
-    ends = np.array([[c.target, c.source] for c in closures], dtype=np.int64).reshape(-1, 2)
-    first, last = ends.min(axis=1), ends.max(axis=1)
+    first, last = np.minimum(closures.target, closures.source), np.maximum(closures.target, closures.source)
     noise, explained = _world_covariances(T, closures), walked[last] - walked[first]
     reach = _reach(drift[last] - drift[first], T[last, :2, 3])
     expected = np.broadcast_to(np.asarray(chance, dtype=np.float64), (len(closures),))
@@ -166,14 +163,13 @@ def _cumulated(steps: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
 
 
-def _world_motions(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> tuple[FloatArray, FloatArray]:
+def _world_motions(T_world_anchor: FloatArray, relative: RelativeStack) -> tuple[FloatArray, FloatArray]:
     """Yaw and shift of the world that would make the poses agree with relative poses, as the later end sees it."""
-    if not relative_poses:
-        return np.zeros(0), np.zeros((0, 2))
-    target, source = np.array([[relative.target, relative.source] for relative in relative_poses]).T
-    measured = np.array([relative.T_target_source for relative in relative_poses])
-    error = T_world_anchor[target] @ measured @ invert(T_world_anchor[source])
-    error = np.where((target < source)[:, None, None], error, invert(error))
+    target, source = T_world_anchor[relative.target], T_world_anchor[relative.source]
+    measured = target @ relative.T_target_source
+    is_forward = (relative.target < relative.source)[:, None, None]
+    there, back = np.where(is_forward, measured, source), np.where(is_forward, source, measured)
+    error = there @ invert(back)
     return np.arctan2(error[:, 1, 0] - error[:, 0, 1], error[:, 0, 0] + error[:, 1, 1]), error[:, :2, 3]
 
 
@@ -188,16 +184,16 @@ def _eyes(n: int) -> FloatArray:
     return np.tile(np.eye(2), (n, 1, 1))
 
 
-def _world_covariances(T_world_anchor: FloatArray, relative_poses: Sequence[RelativePose]) -> FloatArray:
+def _world_covariances(T_world_anchor: FloatArray, relative: RelativeStack) -> FloatArray:
     """Covariances of relative poses as planar twists about the world's origin."""
-    if not relative_poses:
-        return np.zeros((0, 3, 3))
-    target = np.array([relative.target for relative in relative_poses])
-    twist = np.tile(np.eye(6), (len(target), 1, 1))  # from target axes to the twist about the target's origin
-    twist[:, 3:, :3] = cross_matrix(np.array([relative.T_target_source[:3, 3] for relative in relative_poses]))
-    covariance = np.array([relative.covariance for relative in relative_poses])
-    world = sandwich(adjoint(T_world_anchor[target]) @ twist, covariance)
-    return world[:, _PLANAR[:, None], _PLANAR]
+    T = T_world_anchor[relative.target]
+    R, position = T[:, :3, :3], T[:, :3, 3]
+    source = position + (R @ relative.T_target_source[:, :3, 3:])[..., 0]  # an error turns about the target
+    planar = np.zeros((len(T), 3, 6))  # from target axes to yaw, x, y: rows of Ad(T) times the turn's lever arm
+    planar[:, 0, :3] = R[:, 2]
+    planar[:, 1:, 3:] = R[:, :2]
+    planar[:, 1:, :3] = cross_matrix(source)[:, :2] @ R
+    return sandwich(planar, relative.covariance)
 
 
 def _planar_logarithm(yaw: FloatArray, shift: FloatArray) -> FloatArray:

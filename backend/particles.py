@@ -89,7 +89,7 @@ def believe_best_particle(offer: Offer, config: ParticleConfig | None = None) ->
     """
     config, problem = config or ParticleConfig(), offer.problem
     T = start_poses(problem)
-    compared = problem.compared(T)[offer.closures]
+    compared = problem.compared(T, offer.closures)
     best = _filtered(compared, offer, config)
     chosen = np.sort(np.array(best.members, dtype=np.int64))
     if not chosen.size or not is_enough(compared[chosen], offer.consistency):

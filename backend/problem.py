@@ -11,6 +11,7 @@ from backend.arrays import FloatArray, IntArray
 from backend.factors import PositionFix, UnaryKnowledge, between_factors, first_pose_factor, fix_factor, unary_factors
 from backend.innovations import Innovations, innovations
 from backend.poses import RelativePose
+from backend.stacks import RelativeStack, stacked
 
 
 @dataclass(frozen=True)
@@ -84,20 +85,33 @@ class Problem:
         """
         return [replace(step, covariance=scale**2 * step.covariance) for step in self.odometry]
 
-    def compared(self, T_world_anchor: FloatArray) -> Innovations:
-        """Compare the closures with dead reckoning.
+    @cached_property
+    def _odometry_stack(self) -> RelativeStack:
+        """Odometry as arrays."""
+        return stacked(self.odometry)
+
+    @cached_property
+    def _closure_stack(self) -> RelativeStack:
+        """Closures as arrays."""
+        return stacked(self.closures)
+
+    def compared(self, T_world_anchor: FloatArray, closures: IntArray | slice = slice(None)) -> Innovations:
+        """Compare closures with dead reckoning.
 
         Parameters
         ----------
         T_world_anchor : ndarray, shape (S, 4, 4)
-            Poses to take it about.
+            Poses to take it about; of fewer anchors than all, where the others have not come yet.
+        closures : ndarray of int, shape (K,), or slice
+            Positions of the closures, all between these anchors.
 
         Returns
         -------
         innovations : Innovations
             One row a closure.
         """
-        return innovations(T_world_anchor, self.odometry, self.closures, self.chance)
+        odometry = self._odometry_stack[: len(T_world_anchor) - 1]
+        return innovations(T_world_anchor, odometry, self._closure_stack[closures], self.chance[closures])
 
     def chosen(self, closures: IntArray) -> list[RelativePose]:
         """Pick closures.

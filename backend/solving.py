@@ -71,7 +71,7 @@ def solve_problem(problem: Problem, rules: Rules, withdrawn: Mapping[int, str]) 
         # which of them the whole graph bears out, if they are enough
         weights, T = truncated_weights(known, problem.chosen(believed), T, rules.inlier_probability)
         holding = believed[weights > INLIER_WEIGHT]
-        if not holding.size or not is_enough(problem.compared(T)[holding], rules.consistency):
+        if not holding.size or not is_enough(problem.compared(T, holding), rules.consistency):
             return _solution(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
         # least squares over what holds, and whether it does harm
         T = optimise([*known, *between_factors(problem.chosen(holding))], T)

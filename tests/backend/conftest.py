@@ -13,6 +13,7 @@ from backend.dead_reckoning import DeadReckoning, DeadReckoningConfig
 from backend.innovations import Innovations, innovations
 from backend.pose_graph import PoseGraph
 from backend.poses import RelativePose, invert
+from backend.stacks import stacked
 
 CLOSURE_SIGMAS = np.array([0.005, 0.005, 0.015, 0.3, 0.3, 0.15])
 DRIFTING = (
@@ -148,7 +149,7 @@ class Survey:
         return false
 
     def compared(self, closures: list[RelativePose]) -> Innovations:
-        return innovations(self.dr_anchors, self.odometry(), closures)
+        return innovations(self.dr_anchors, stacked(self.odometry()), stacked(closures))
 
     def graph(
         self,

@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures, reconsidered
 from backend.innovations import Innovations, innovations
+from backend.stacks import stacked
 
 
 def test_all_true_closures_agree(make_survey):
@@ -64,7 +65,7 @@ def test_a_single_closure_is_believed_only_if_asked_for_and_near_dead_reckoning(
 
 
 def lone(survey, closure, chance):
-    return innovations(survey.dr_anchors, survey.odometry(), [closure], [chance])
+    return innovations(survey.dr_anchors, stacked(survey.odometry()), stacked([closure]), [chance])
 
 
 def test_a_single_closure_is_believed_where_it_is_sure_and_dead_reckoning_tight(make_survey):
@@ -101,7 +102,7 @@ def test_about_a_solution_all_true_closures_agree_though_dead_reckoning_is_far_o
     survey, rng = make_survey(3, drift_factor=3.0), np.random.default_rng(3)
     true = survey.true_closures(rng)
     believed = consistent_closures(survey.compared(true))
-    about = innovations(survey.true_anchors, survey.odometry(), true)
+    about = innovations(survey.true_anchors, stacked(survey.odometry()), stacked(true))
     again = reconsidered(about, believed, ConsistencyConfig())
     assert again.is_member.sum() >= believed.is_member.sum()
     assert again.is_member.all()

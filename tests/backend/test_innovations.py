@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from backend.innovations import innovations
 from backend.poses import RelativePose, invert
+from backend.stacks import stacked
 
 TIGHT = np.diag(np.full(6, 1e-12))
 
@@ -27,7 +28,9 @@ def test_a_closure_that_sees_the_source_further_east_moves_the_world_east():
     T, odometry = chain(3)
     measured = invert(T[0]) @ T[2]
     measured[0, 3] += 1.5
-    np.testing.assert_allclose(innovations(T, odometry, [RelativePose(0, 2, measured, TIGHT)]).residuals, [[0, 1.5, 0]])
+    np.testing.assert_allclose(
+        innovations(T, stacked(odometry), stacked([RelativePose(0, 2, measured, TIGHT)])).residuals, [[0, 1.5, 0]]
+    )
 
 
 def test_a_closure_and_its_inverse_are_the_same(make_survey):
@@ -48,7 +51,7 @@ def test_the_drift_of_a_chain_is_that_of_its_composed_odometry():
         T.append(T[-1] @ step.matrix())
     T, sigmas = np.array(T), np.array([1e-3, 1e-3, 2e-3, 0.05, 0.02, 0.01])
     odometry = [RelativePose(k, k + 1, steps[k].matrix(), np.diag(sigmas**2)) for k in range(4)]
-    compared = innovations(T, odometry, [RelativePose(0, 4, invert(T[0]) @ T[4], TIGHT)])
+    compared = innovations(T, stacked(odometry), stacked([RelativePose(0, 4, invert(T[0]) @ T[4], TIGHT)]))
     # the judge: GTSAM's marginal of the last pose, the first being fixed
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, 1e-9)))
@@ -69,14 +72,16 @@ def test_loops_share_the_drift_of_the_steps_that_both_contain():
     T, odometry = chain(10, variance=(1e-12, 0.01))
     ends = [(0, 6), (4, 9), (7, 9), (6, 7)]
     closures = [RelativePose(a, b, invert(T[a]) @ T[b], TIGHT) for a, b in ends]
-    shared = innovations(T, odometry, closures).joint_covariance(1.0)[1::3, 1::3]  # of x
+    shared = innovations(T, stacked(odometry), stacked(closures)).joint_covariance(1.0)[1::3, 1::3]  # of x
     overlap = [[max(0, min(b, d) - max(a, c)) for c, d in ends] for a, b in ends]
     np.testing.assert_allclose(shared, 0.01 * np.array(overlap), rtol=0, atol=1e-6)
 
 
 def test_scale_stretches_the_drift_and_not_the_closures_noise():
     T, odometry = chain(5, variance=(1e-12, 0.01))
-    compared = innovations(T, odometry, [RelativePose(0, 4, invert(T[0]) @ T[4], np.diag(np.full(6, 0.25)))])
+    compared = innovations(
+        T, stacked(odometry), stacked([RelativePose(0, 4, invert(T[0]) @ T[4], np.diag(np.full(6, 0.25)))])
+    )
     at_one, at_three = (np.diag(compared.joint_covariance(scale)) for scale in (1.0, 3.0))
     # four steps of 0.01 m**2 each in x, hardly any in yaw
     np.testing.assert_allclose((at_three - at_one)[:2], [0.0, 8.0 * 0.04], rtol=1e-6, atol=1e-9)
@@ -111,10 +116,10 @@ def test_true_closures_are_chi_square_about_dead_reckoning(make_survey):
 def test_innovations_do_not_depend_on_where_the_world_begins(make_survey):
     survey, rng = make_survey(1), np.random.default_rng(1)
     closures = survey.true_closures(rng)
-    here = innovations(survey.dr_anchors, survey.odometry(), closures)
+    here = innovations(survey.dr_anchors, stacked(survey.odometry()), stacked(closures))
     moved = survey.dr_anchors.copy()
     moved[:, :3, 3] += [3e5, -4e6, 50.0]
-    there = innovations(moved, survey.odometry(), closures)
+    there = innovations(moved, stacked(survey.odometry()), stacked(closures))
     np.testing.assert_allclose(there.residuals, here.residuals, rtol=0, atol=1e-6)
     np.testing.assert_allclose(there.joint_covariance(1.0), here.joint_covariance(1.0), rtol=1e-5, atol=1e-7)
 
@@ -139,7 +144,7 @@ def test_about_other_poses_the_innovations_are_the_same_to_first_order(make_surv
     closures = survey.true_closures(rng)
     moved = survey.dr_anchors.copy()
     moved[:, :2, 3] += np.cumsum(rng.normal(0.0, 0.05, (len(moved), 2)), axis=0)
-    here, there = survey.compared(closures), innovations(moved, survey.odometry(), closures)
+    here, there = survey.compared(closures), innovations(moved, stacked(survey.odometry()), stacked(closures))
     assert np.abs(there.explained).max() > 0.2  # the odometry does disagree with the moved poses
     # second order: what was moved, up to 1 m, times the turn that a closure asks for, up to 0.1 rad
     np.testing.assert_allclose(there.residuals, here.residuals, rtol=0, atol=0.1)
@@ -147,10 +152,10 @@ def test_about_other_poses_the_innovations_are_the_same_to_first_order(make_surv
 
 def test_the_reach_is_the_worst_horizontal_sigma_between_the_two_ends():
     T, odometry = chain(5, variance=(1e-12, 0.01))
-    compared = innovations(T, odometry, [RelativePose(0, 4, invert(T[0]) @ T[4], TIGHT)])
+    compared = innovations(T, stacked(odometry), stacked([RelativePose(0, 4, invert(T[0]) @ T[4], TIGHT)]))
     np.testing.assert_allclose(compared.reach, 0.2, rtol=1e-4)  # four steps of 0.01 m**2
     T, odometry = chain(3, variance=(1e-4, 1e-12))
-    compared = innovations(T, odometry, [RelativePose(0, 2, invert(T[0]) @ T[2], TIGHT)])
+    compared = innovations(T, stacked(odometry), stacked([RelativePose(0, 2, invert(T[0]) @ T[2], TIGHT)]))
     # the first step's yaw of 0.01 rad swings the second of 10 m, the second's nothing
     np.testing.assert_allclose(compared.reach, 0.1, rtol=1e-4)
 
@@ -158,6 +163,6 @@ def test_the_reach_is_the_worst_horizontal_sigma_between_the_two_ends():
 def test_the_chance_is_kept_with_its_closure(make_survey):
     survey, rng = make_survey(0), np.random.default_rng(0)
     closures = survey.true_closures(rng)[:3]
-    compared = innovations(survey.dr_anchors, survey.odometry(), closures, [0.1, 0.2, 0.3])
+    compared = innovations(survey.dr_anchors, stacked(survey.odometry()), stacked(closures), [0.1, 0.2, 0.3])
     np.testing.assert_array_equal(compared[np.array([2, 0])].chance, [0.3, 0.1])
     np.testing.assert_array_equal(survey.compared(closures).chance, 1.0)
