@@ -12,6 +12,7 @@ from frontend.recording import Recording
 from frontend.turns import heading_spread
 from frontend.windows import Window, WindowConfig
 
+_ON_THE_SPOT = 0.25  # share of the altitude that the radius of a pure turn is below
 _FEWEST_STEPS = 4  # between pings, before one of them can be called long
 
 
@@ -74,8 +75,9 @@ def why_unusable(recording: Recording, window: Window, bottom: Bottom, config: W
     Notes
     -----
     A step that makes most of the way hides where the vehicle was meanwhile: positions that stood still and jumped, or
-    pings that are missing. A window that turns on a radius below the altitude sweeps a disc: even the nearest lines
-    cross, and there is no way across which to measure anything.
+    pings that are missing. A turn on the spot, on a radius below a quarter of the altitude, sweeps a disc about its
+    middle: no line has a neighbour beside it, and shape and heading error cannot be told apart. Wider turns can be
+    reconstructed on their outer side, however tight.
     """
     track = recording.trajectory_dr[window.pings]
     steps = np.diff(track.distance)
@@ -83,7 +85,7 @@ def why_unusable(recording: Recording, window: Window, bottom: Bottom, config: W
     if len(steps) >= _FEWEST_STEPS and not steps.max() < 0.5 * run:
         return Unusable.NO_NAVIGATION
     spread, altitude = heading_spread(track), float(np.median(bottom.altitude[window.pings]))
-    if spread > config.min_turn and run < spread * altitude:
+    if spread > config.min_turn and run < spread * _ON_THE_SPOT * altitude:
         return Unusable.PURE_TURN
     is_reached = in_range_of_bottom(recording, bottom)[window.pings]
     return Unusable.BOTTOM_LOST if is_reached.mean() < config.min_bottom else None

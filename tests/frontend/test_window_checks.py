@@ -45,8 +45,8 @@ def test_a_straight_leg_over_a_bottom_can_be_reconstructed():
     assert why_unusable(recording(np.arange(float(N))), WHOLE, bottom(), CONFIG) is None
 
 
-@pytest.mark.parametrize(("radius", "reason"), [(0.0, Unusable.PURE_TURN), (9.9, Unusable.PURE_TURN), (10.1, None)])
-def test_a_turn_is_pure_below_the_radius_of_the_altitude(radius, reason):
+@pytest.mark.parametrize(("radius", "reason"), [(0.0, Unusable.PURE_TURN), (2.4, Unusable.PURE_TURN), (2.6, None)])
+def test_a_turn_is_pure_below_a_radius_of_a_quarter_of_the_altitude(radius, reason):
     if radius == 0.0:  # it spins while it drifts, or nothing would move
         spun = recording(np.linspace(0.0, 5.0, N), yaw=np.linspace(0.0, 2 * np.pi, N))
         assert why_unusable(spun, WHOLE, bottom(), CONFIG) is reason
