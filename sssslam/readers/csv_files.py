@@ -23,15 +23,13 @@ _SETTING = re.compile(r"#\s*(\w+)\s*[:=]\s*(.*?)\s*")
 _EMPTY = re.compile(r"(?<=,)(?=\s*(?:,|$))|^(?=\s*,)")
 
 
-def read_csv_files(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+def read_csv_files(paths: Sequence[Path]) -> list[Recording]:
     """Read tables of pings.
 
     Parameters
     ----------
     paths : sequence of Path
         The files.
-    channels : str or None
-        Must be None: a table holds one pair only.
 
     Returns
     -------
@@ -41,10 +39,8 @@ def read_csv_files(paths: Sequence[Path], channels: str | None) -> list[Recordin
     Raises
     ------
     ValueError
-        If a file gives no recording, or channels were asked for.
+        If a file gives no recording.
     """
-    if channels is not None:
-        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; a table holds one pair only")
     return read_dives(paths, _read_pings)
 
 

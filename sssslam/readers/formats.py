@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -44,21 +45,22 @@ def _read_xtf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
 def _read_netcdf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     from sssslam.readers.netcdf import read_netcdf
 
-    if channels is not None:
-        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; this container holds one pair only")
+    _refuse_choice(paths, channels, "this container")
     return [read_netcdf(path) for path in paths]
 
 
 def _read_starfish(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     from sssslam.readers.starfish import read_starfish_files
 
-    return read_starfish_files(paths, channels)
+    _refuse_choice(paths, channels, "a StarFish log")
+    return read_starfish_files(paths)
 
 
 def _read_humminbird(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     from sssslam.readers.humminbird import read_humminbird_files
 
-    return read_humminbird_files(paths, channels)
+    _refuse_choice(paths, channels, "a Humminbird dive")
+    return read_humminbird_files(paths)
 
 
 def _read_jsf(paths: Sequence[Path], channels: str | None) -> list[Recording]:
@@ -76,13 +78,21 @@ def _read_lowrance(paths: Sequence[Path], channels: str | None) -> list[Recordin
 def _read_npz(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     from sssslam.readers.npz_files import read_npz_files
 
-    return read_npz_files(paths, channels)
+    _refuse_choice(paths, channels, "a NumPy archive")
+    return read_npz_files(paths)
 
 
 def _read_csv(paths: Sequence[Path], channels: str | None) -> list[Recording]:
     from sssslam.readers.csv_files import read_csv_files
 
-    return read_csv_files(paths, channels)
+    _refuse_choice(paths, channels, "a table")
+    return read_csv_files(paths)
+
+
+def _refuse_choice(paths: Sequence[Path], channels: str | None, what: str) -> None:
+    """Refuse a choice of channels where there is none."""
+    if channels is not None:
+        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; {what} holds one pair only")
 
 
 def _is_xtf(head: bytes) -> bool:
@@ -139,15 +149,16 @@ BUILT_IN = (
 )
 
 
-def known_readers() -> list[Reader]:
-    """The readers that come with the package and those that other packages offer.
+@cache
+def known_readers() -> tuple[Reader, ...]:
+    """The readers that come with the package and those that other packages offer, as at the first call.
 
     Returns
     -------
-    readers : list of Reader
+    readers : tuple of Reader
         The first that recognises a file reads it.
     """
-    return [*BUILT_IN, *filter(None, (_load(entry) for entry in entry_points(group=ENTRY_POINTS)))]
+    return (*BUILT_IN, *filter(None, (_load(entry) for entry in entry_points(group=ENTRY_POINTS))))
 
 
 def _load(entry: object) -> Reader | None:

@@ -34,15 +34,13 @@ class _Side:
     records: Records
 
 
-def read_humminbird_files(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+def read_humminbird_files(paths: Sequence[Path]) -> list[Recording]:
     """Read Humminbird dives into one local frame.
 
     Parameters
     ----------
     paths : sequence of Path
         DAT or SON files; several of one dive count once.
-    channels : str or None
-        Must be None: a dive has one pair of side beams.
 
     Returns
     -------
@@ -52,10 +50,8 @@ def read_humminbird_files(paths: Sequence[Path], channels: str | None) -> list[R
     Raises
     ------
     ValueError
-        If a dive gives no recording, or channels were asked for.
+        If a dive gives no recording.
     """
-    if channels is not None:
-        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; a Humminbird dive has one pair only")
     dives: dict[DiveFiles, Path] = {}
     for path in paths:
         dives.setdefault(_find(path), path)

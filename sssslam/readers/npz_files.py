@@ -30,15 +30,13 @@ _DAMAGE = (
 _SIDES = ("port", "starboard")
 
 
-def read_npz_files(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+def read_npz_files(paths: Sequence[Path]) -> list[Recording]:
     """Read NumPy archives.
 
     Parameters
     ----------
     paths : sequence of Path
         The files.
-    channels : str or None
-        Must be None: an archive holds one pair only.
 
     Returns
     -------
@@ -48,10 +46,8 @@ def read_npz_files(paths: Sequence[Path], channels: str | None) -> list[Recordin
     Raises
     ------
     ValueError
-        If a file gives no recording, or channels were asked for.
+        If a file gives no recording.
     """
-    if channels is not None:
-        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; a NumPy archive holds one pair only")
     return read_dives(paths, _read_pings)
 
 

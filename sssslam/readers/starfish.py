@@ -34,15 +34,13 @@ class _Lines:
     range: FloatArray
 
 
-def read_starfish_files(paths: Sequence[Path], channels: str | None) -> list[Recording]:
+def read_starfish_files(paths: Sequence[Path]) -> list[Recording]:
     """Read StarFish logs into one local frame.
 
     Parameters
     ----------
     paths : sequence of Path
         The files.
-    channels : str or None
-        Must be None: a log holds one pair only.
 
     Returns
     -------
@@ -52,10 +50,8 @@ def read_starfish_files(paths: Sequence[Path], channels: str | None) -> list[Rec
     Raises
     ------
     ValueError
-        If a file gives no recording, or channels were asked for.
+        If a file gives no recording.
     """
-    if channels is not None:
-        raise ValueError(f"{paths[0]}: channels {channels!r} were asked for; a StarFish log holds one pair only")
     return read_dives(paths, _read_pings)
 
 

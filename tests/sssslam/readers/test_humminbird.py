@@ -174,7 +174,7 @@ def test_a_unit_without_gnss_is_refused(tmp_path):
 
 
 def test_channels_of_a_dive_cannot_be_chosen(tmp_path):
-    with pytest.raises(ValueError, match="channels '1,2' were asked for; a Humminbird dive has one pair only"):
+    with pytest.raises(ValueError, match="channels '1,2' were asked for; a Humminbird dive holds one pair only"):
         read(HumminbirdScene().write(tmp_path), channels="1,2")
 
 

@@ -4,6 +4,7 @@ import os
 import stat
 from dataclasses import replace
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,6 +178,14 @@ def test_truth_and_sensors_are_chained_where_all_files_have_them():
     assert join([parts[0], replace(parts[1], truth=elsewhere)]).truth is None
 
 
+@pytest.fixture(autouse=True)
+def _ask_anew():
+    """What other packages offer is asked once: for each test anew."""
+    formats.known_readers.cache_clear()
+    yield
+    formats.known_readers.cache_clear()
+
+
 def _offer(monkeypatch, loaded) -> None:
     """Pretend that another package has an entry point that loads this."""
 
@@ -194,6 +203,20 @@ def test_another_package_can_offer_a_reader(monkeypatch, write):
     _offer(monkeypatch, reader)
     assert read(write(b"Dear diary")).n_pings == 5
     assert " or diary is wanted" in _refusal(write(b"other", "other"))
+
+
+@pytest.mark.parametrize("name", ["NetCDF (.nc)", "StarFish", "Humminbird (DAT or SON)", "NumPy (.npz)", "CSV"])
+def test_where_there_is_one_pair_only_no_channels_are_chosen(name):
+    (reader,) = (reader for reader in formats.BUILT_IN if reader.name == name)
+    with pytest.raises(ValueError, match=r"^dive\.x: channels '3,4' were asked for; .* holds one pair only$"):
+        reader.read([Path("dive.x")], "3,4")
+
+
+def test_other_packages_are_asked_once(monkeypatch):
+    asked = []
+    monkeypatch.setattr(formats, "entry_points", lambda group: asked.append(group) or [])
+    assert formats.known_readers() is formats.known_readers()
+    assert asked == [formats.ENTRY_POINTS]
 
 
 @pytest.mark.parametrize(
