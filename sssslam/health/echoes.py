@@ -1,18 +1,18 @@
 """Health of the echoes: which side is dark, how far they spread, whether they are cut off or compressed."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from frontend.arrays import FloatArray
 from frontend.recording import Quantity, Recording
+from frontend.speckle import measure_speckle
+from frontend.transfer import estimate_transfer
 from sssslam.health.finding import Finding, Lines, thinned
 
 _SATURATED_SHARE, _SIDE_RATIO = 0.01, 3.0
 _SILENT_SHARE, _LEAST_LEVELS = 0.3, 32
-# Samples of one group, and levels that groups are sorted into, to see how spread follows brightness.
-_N_GROUPED, _N_LEVELS = 4, 20
-_LEAST_CONTRAST = float(np.log(1.1))
-# Exponents above are a receiver's, below a logarithm's.
-_LINEAR, _LOGARITHM = 0.75, 0.35
+_SURE = 0.9  # probability above which a recording is contradicted
 
 
 def examine_echoes(recording: Recording) -> Lines:
@@ -41,8 +41,8 @@ def examine_echoes(recording: Recording) -> Lines:
         levels[side] = float(np.mean(np.abs(known)))
         yield from _spread(side, known)
         yield from _cut(side, known)
-        yield from _compression(side, echoes.astype(np.float64), recording.sonar.quantity)
     yield from _balance(levels)
+    yield from _compression(recording)
 
 
 def _spread(side: str, known: FloatArray) -> Lines:
@@ -78,56 +78,24 @@ def _cut(side: str, known: FloatArray) -> Lines:
         )
 
 
-def _compression(side: str, echoes: FloatArray, quantity: Quantity) -> Lines:
-    """How the spread of neighbouring samples follows their level: a receiver's in proportion, a logarithm's not."""
-    exponent = spread_exponent(echoes)
-    if np.isnan(exponent):
+def _compression(recording: Recording) -> Lines:
+    """How the spread of speckle follows brightness, and what the run would take the numbers for by that alone."""
+    speckle, said = measure_speckle(recording), recording.sonar.quantity
+    if speckle is None:
         return
-    kind = "linear" if exponent > _LINEAR else "logarithmic" if exponent < _LOGARITHM else "partly compressed"
-    yield f"{side} compression", f"spread follows brightness to the power {exponent:.2f}: {kind}"
-    if exponent < _LOGARITHM and quantity in (Quantity.INTENSITY, Quantity.AMPLITUDE):
+    unsaid = replace(recording, sonar=replace(recording.sonar, quantity=Quantity.UNKNOWN))
+    guess = estimate_transfer(unsaid)
+    power = f"spread follows brightness to the power {speckle.exponent:.2f} +- {speckle.exponent_sigma:.2f}"
+    yield "compression", f"{power}: like {guess.quantity}, probability {guess.confidence:.0%}"
+    if guess.quantity is Quantity.LOG and said in (Quantity.INTENSITY, Quantity.AMPLITUDE) and guess.confidence > _SURE:
         yield Finding(
-            f"{side} is called {quantity} and looks like a logarithm of it",
-            "the recorder compressed it: convert with the right quantity, or shape comes out flat",
+            f"the samples are called {said} and look like a logarithm of it",
+            "the recorder compressed them: convert with the right quantity, or shape comes out flat",
         )
-    if exponent > _LINEAR and quantity is Quantity.LOG:
+    if said is Quantity.LOG and guess.quantity is not Quantity.LOG:
         yield Finding(
-            f"{side} is called logarithmic and looks linear", "bright slopes come out too steep: check the format"
+            "the samples are called logarithmic and look linear", "bright slopes come out too steep: check the format"
         )
-
-
-def spread_exponent(echoes: FloatArray) -> float:
-    """How the spread of neighbouring samples follows their mean.
-
-    Parameters
-    ----------
-    echoes : ndarray, shape (N, M)
-        Lines of samples; NaN where there is none.
-
-    Returns
-    -------
-    exponent : float
-        1 where speckle multiplies, as in intensity and amplitude; 0 where it adds, as in their logarithm; NaN where the
-        samples are too alike to tell.
-
-    Notes
-    -----
-    Slope of log spread over log mean, both of groups of four samples, over the medians of equally filled levels.
-    """
-    n = echoes.shape[1] // _N_GROUPED * _N_GROUPED
-    groups = echoes[:, :n].reshape(-1, _N_GROUPED)
-    mean, spread = groups.mean(axis=1), groups.std(axis=1)
-    # Where rounding to whole numbers is as large as the spread, spread says nothing of the echoes.
-    step = 1.0 if np.array_equal(groups[np.isfinite(groups)], np.rint(groups[np.isfinite(groups)])) else 0.0
-    usable = np.isfinite(mean) & (mean > 4 * step) & (spread > 0)
-    if usable.sum() < 10 * _N_LEVELS:
-        return float("nan")
-    order = np.argsort(mean[usable], kind="stable")
-    levels = np.array_split(np.stack([mean[usable], spread[usable]])[:, order], _N_LEVELS, axis=1)
-    middle = np.log([np.median(level, axis=1) for level in levels])
-    if np.ptp(middle[:, 0]) < _LEAST_CONTRAST:
-        return float("nan")
-    return float(np.polyfit(middle[:, 0], middle[:, 1], 1)[0])
 
 
 def _balance(levels: dict[str, float]) -> Lines:

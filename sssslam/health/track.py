@@ -14,6 +14,7 @@ _MAX_CRAB = np.radians(8.0)
 # Of a straight track the way from end to end is this share of the distance run; an arc of 50 degrees has less.
 _STRAIGHT = 0.97
 _LEAST_LOOP = 1 / 3  # of the range
+_CAME_BACK = 3.0  # times the way across is the way along: half a circle has 1.6
 
 
 def examine_track(recording: Recording) -> Lines:
@@ -81,12 +82,13 @@ def _shape(recording: Recording) -> str:
 
 
 def _passed_again(recording: Recording) -> float:
-    """Share of the track that lies within half the range of a part more than two ranges before or after."""
+    """Share of the track that lies within half the range of a part it came back to, not merely went on from."""
     every = max(1, recording.n_pings // _N_TRACK_POINTS)
     trajectory, reach = recording.trajectory_dr[::every], float(np.median(recording.slant_range_max))
     apart = np.hypot(*(axis[:, None] - axis[None, :] for axis in (trajectory.x, trajectory.y)))
     along = recording.trajectory_dr.distance[::every]
-    again = (apart < 0.5 * reach) & (np.abs(along[:, None] - along[None, :]) > 2 * reach)
+    between = np.abs(along[:, None] - along[None, :])
+    again = (apart < 0.5 * reach) & (between > np.maximum(_LEAST_LOOP * reach, _CAME_BACK * apart))
     return float(again.any(axis=1).mean())
 
 

@@ -10,8 +10,8 @@ import pytest
 from frontend.georeference import Georeference
 from frontend.recording import Quantity, Recording, SonarGeometry
 from frontend.trajectory import Trajectory
+from frontend.transfer import estimate_transfer
 from sssslam.health import Health, examine
-from sssslam.health.echoes import spread_exponent
 from sssslam.health.figure import draw_health
 from sssslam.health.track import count_crossings
 from sssslam.readers.ping_times import repair_times
@@ -104,10 +104,10 @@ FAULTS = {
     "port has 4 grey levels only": lambda r: replace(r, port=np.clip(np.rint(r.port / 20), 0, 3)),
     "of the starboard samples are 0": lambda r: replace(r, starboard=np.where(r.starboard < 30, 0, r.starboard)),
     "the bottom is seen in": lambda r: replace(r, port=r.port[:, ::-1], starboard=r.starboard[:, ::-1]),
-    "starboard is called intensity and looks like a logarithm of it": lambda r: replace(
+    "the samples are called intensity and look like a logarithm of it": lambda r: replace(
         _called(r, Quantity.INTENSITY), starboard=np.log(r.starboard + 1e-9)
     ),
-    "port is called logarithmic and looks linear": lambda r: _called(r, Quantity.LOG),
+    "the samples are called logarithmic and look linear": lambda r: _called(r, Quantity.LOG),
     "time has gaps (1x), the longest 30.2 s": _with_gap,
     "the position jumps (1x), by up to 50.0 m": _with_jump,
     "the position jumps (1x), by up to 51.2 m": lambda r: _moved(
@@ -160,8 +160,9 @@ def test_a_track_that_comes_back_is_turning_and_passed_again():
     there_and_back = np.where(k < 600, 0.4 * k, 0.4 * (1199 - k))
     yaw = np.where(k < 600, 0.0, np.pi)
     course = dict(examine(_moved(recording, x=there_and_back, y=np.where(k < 600, 0.0, 10.0), yaw=yaw)).rows)["course"]
-    # d m before the turn, the other leg within 22.5 m is at most 2 d + 10 + 20.2 m on: more than 90 m from d = 30 m on.
-    assert course == "turning, 180 deg between extreme headings; 87% of the track is passed again"
+    # d m before the turn a place u m farther on the other leg is 2 d + 10 + u m on and hypot(10, u) m across: at best,
+    # with u = 3.5 m, three times as much from d = 9.1 m of 240 m on.
+    assert course == "turning, 180 deg between extreme headings; 96% of the track is passed again"
 
 
 def test_a_track_that_crosses_itself_is_counted_and_jitter_is_not():
@@ -170,20 +171,27 @@ def test_a_track_that_crosses_itself_is_counted_and_jitter_is_not():
     turn = np.linspace(0.3, 2 * np.pi + 0.2, 400)
     eight = _moved(recording, x=40 * np.sin(turn), y=40 * np.sin(2 * turn) / 2)
     assert count_crossings(eight) == 1
-    assert "it crosses itself 1x" in dict(examine(eight).rows)["course"]
+    course = dict(examine(eight).rows)["course"]
+    assert "it crosses itself 1x" in course
+    assert "of the track is passed again" in course  # a crossing is a place passed twice
     jitter = np.random.default_rng(0).normal(0, 0.5, 400)
     assert count_crossings(_moved(recording, y=jitter, x=recording.trajectory_dr.x + np.roll(jitter, 7))) == 0
 
 
-def test_spread_follows_brightness_for_a_receiver_and_not_for_a_logarithm():
-    rng = np.random.default_rng(3)
-    echoes = 1e3 * rng.gamma(2.0, 0.5, (200, 400)) * np.geomspace(10, 1, 400)
-    # Multiplicative speckle: 1, whatever the power; additive after a logarithm: 0. Groups of four are a tenth off.
-    assert spread_exponent(echoes) == pytest.approx(1.0, abs=0.15)
-    assert spread_exponent(np.sqrt(echoes)) == pytest.approx(1.0, abs=0.15)
-    # In decibels the dark tail of speckle is the longer one: below 0.
-    assert spread_exponent(20 * np.log10(echoes)) < 0.35
-    assert np.isnan(spread_exponent(np.full((20, 40), 7.0)))
+def test_compression_is_what_a_run_would_take_the_samples_for():
+    linear = _recording()
+    decibels = {side: 20 * np.log10(np.maximum(getattr(linear, side), 1e-3)) for side in ("port", "starboard")}
+    for recording in (linear, replace(linear, **decibels)):
+        said = dict(examine(recording).rows)["compression"]
+        guess = estimate_transfer(recording)
+        assert said.endswith(f": like {guess.quantity}, probability {guess.confidence:.0%}")
+    assert guess.quantity is Quantity.LOG
+
+
+def test_samples_too_alike_have_no_compression():
+    recording = _recording()
+    flat = np.full_like(recording.port, 7.0)
+    assert "compression" not in dict(examine(replace(recording, port=flat, starboard=flat)).rows)
 
 
 def test_the_waterfall_is_drawn_with_and_without_a_bottom(tmp_path):
@@ -221,7 +229,7 @@ def test_the_scotsman_dive_shows_its_known_faults():
     assert "the nose points 20 deg down" in said
     assert "the first bottom return is 1.1" in said
     assert dict(health.rows)["course"] == "straight; no place is passed twice"
-    assert "linear" in dict(health.rows)["port compression"]
+    assert "like amplitude" in dict(health.rows)["compression"]
 
 
 def test_the_starfish_dive_shows_its_known_faults():
@@ -235,4 +243,6 @@ def test_the_starfish_dive_shows_its_known_faults():
     # Its description: bursts of stamps, no roll or pitch, a track that crosses itself twice.
     assert "ping times repeat or come in bursts" in said
     assert "roll is 0 in every ping" in said
-    assert "it crosses itself 2x" in dict(health.rows)["course"]
+    course = dict(health.rows)["course"]
+    assert "it crosses itself 2x" in course
+    assert "no place is passed twice" not in course
