@@ -202,42 +202,6 @@ def extended_ground_range(
     return np.where(slant >= b[..., None], ground_range, np.nan)
 
 
-def extended_slant_range(
-    ground_range: ArrayLike, first_return: ArrayLike, roll: ArrayLike, inner_angle: float
-) -> FloatArray:
-    """Slant range of places on a flat floor; the inverse of `extended_ground_range`.
-
-    Parameters
-    ----------
-    ground_range : array_like, shape (M,) or (N, 1, M) or (N, 2, M)
-        Across-track distance from nadir [m].
-    first_return : array_like, shape (N, 2)
-        Slant range of the first ray that meets the floor only once, port and starboard [m].
-    roll : array_like, shape (N,)
-        Roll, starboard down [rad].
-    inner_angle : float
-        Inner edge of the beams off the body's nadir [rad].
-
-    Returns
-    -------
-    slant_range : ndarray, shape (N, 2, M)
-        Distance from transducer to floor [m]; NaN nearer to nadir than the first usable ray's foot.
-
-    Notes
-    -----
-    Equation 3 of [1]_, ``r_s**2 = b**2 + r_g**2 - 2 b r_g cos(phi)``, with r_g counted from that foot.
-
-    References
-    ----------
-    .. [1] Woock, "Deep-Sea Seafloor Shape Reconstruction from Side-Scan Sonar Data for AUV Navigation", OCEANS 2011.
-    """
-    b = np.asarray(first_return, dtype=np.float64)[..., None]
-    angle = first_ray_angle(roll, inner_angle)[..., None]
-    beyond = np.asarray(ground_range, dtype=np.float64) - b * np.sin(angle)
-    square = b**2 + beyond**2 - 2 * b * beyond * np.cos(np.pi / 2 + angle)
-    return np.sqrt(np.where(beyond >= -1e-9 * b, square, np.nan))
-
-
 def altitude_from_first_return(
     first_return: ArrayLike, attitude: tuple[ArrayLike, ArrayLike], inner_angle: float
 ) -> FloatArray:

@@ -11,7 +11,6 @@ from frontend.geometry import (
     STARBOARD,
     altitude_from_first_return,
     extended_ground_range,
-    extended_slant_range,
     first_ray_angle,
     first_usable_return,
     off_nadir_angle,
@@ -19,6 +18,7 @@ from frontend.geometry import (
     transducer_positions,
 )
 from frontend.recording import SonarGeometry
+from tests.frontend.slant_equation import extended_slant_range
 
 altitudes, small_angles = st.floats(1.0, 100.0), st.floats(-0.3, 0.3)
 off_vertical = st.floats(0.0, 1.2)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from frontend.geometry import extended_slant_range, first_usable_return
+from frontend.geometry import first_usable_return
 from frontend.reconstruction.lines import frame_lines, with_heave
 from tests.frontend.reconstruction.small_lines import ALTITUDE, ATTITUDES, make_window, rough
+from tests.frontend.slant_equation import extended_slant_range
 
 
 @pytest.mark.parametrize(("roll", "pitch"), ATTITUDES)
