@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from frontend.trajectory import Trajectory
     from sssslam.api import describe, reconstruct
     from sssslam.config import Config, load_config
+    from sssslam.overrides import Overrides, read_overrides
     from sssslam.pipeline import Slam, slam
     from sssslam.products.result import Result
     from sssslam.readers import read
@@ -36,6 +37,7 @@ __all__ = [
     "Config",
     "Features",
     "LoopClosure",
+    "Overrides",
     "Quantity",
     "Recording",
     "Result",
@@ -48,6 +50,7 @@ __all__ = [
     "load_config",
     "load_scene",
     "read",
+    "read_overrides",
     "reconstruct",
     "simulate",
     "slam",
@@ -62,6 +65,7 @@ _HOMES = {
     "frontend.trajectory": ("Trajectory",),
     "sssslam.api": ("describe", "reconstruct"),
     "sssslam.config": ("Config", "load_config"),
+    "sssslam.overrides": ("Overrides", "read_overrides"),
     "sssslam.pipeline": ("Slam", "slam"),
     "sssslam.products.result": ("Result",),
     "sssslam.readers": ("read",),

@@ -59,7 +59,7 @@ def read_overrides(path: str | os.PathLike[str]) -> Overrides:
     Returns
     -------
     overrides : Overrides
-        The decisions.
+        The decisions, for the ``overrides`` of `sssslam.slam`.
 
     Raises
     ------

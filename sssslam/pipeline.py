@@ -54,7 +54,7 @@ def slam(
     watch : Watch, optional
         Told of every stage and its progress, and keeps their times.
     overrides : Overrides, optional
-        Loop closures that a user accepts or rejects, as from `sssslam.overrides.read_overrides`.
+        Loop closures that a user accepts or rejects, as `sssslam.read_overrides` reads them.
 
     Returns
     -------
