@@ -60,26 +60,6 @@ def log_gate(closures: Innovations, scale: float) -> FloatArray:
     return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])
 
 
-def gains_beside(judged: Innovations, believed: Innovations, scale: float) -> FloatArray:
-    """Evidence that each closure adds to a set it is not part of.
-
-    Parameters
-    ----------
-    judged : Innovations
-        The closures in question, D of them.
-    believed : Innovations
-        The set.
-    scale : float
-        Dead reckoning is this much worse than said.
-
-    Returns
-    -------
-    gains : ndarray, shape (D,)
-        Positive where the set tells that the closure is true.
-    """
-    return log_normal(*surprises(judged, believed, scale)) - log_gate(judged, scale)
-
-
 def log_normal(residuals: FloatArray, covariances: FloatArray) -> FloatArray:
     """Log density of residuals about zero.
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
-from backend.evidence import gains_beside, log_evidence, without_losers
+from backend.evidence import log_evidence, log_gate, log_normal, surprises, without_losers
 from backend.innovations import Innovations
 
 GATE_VOLUME = 4.0 / 3.0 * np.pi * chi2.ppf(0.9999, 3) ** 1.5
@@ -16,6 +16,11 @@ def along_a_track(residuals, first, last, noise=0.01, step=1.0):
     each = np.tile(np.diag([1e-6, noise, noise]), (n, 1, 1))
     bare = (np.zeros((n, 3)), np.zeros(n), np.ones(n))
     return Innovations(np.zeros(n), shift, each, np.asarray(first), np.asarray(last), drift, *bare)
+
+
+def gains_beside(judged, believed, scale):
+    """Evidence that each closure adds to a set it is not part of."""
+    return log_normal(*surprises(judged, believed, scale)) - log_gate(judged, scale)
 
 
 def log_false(closures):
