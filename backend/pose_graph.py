@@ -142,7 +142,7 @@ class PoseGraph:
         self._unary.append(UnaryKnowledge(anchor, depth_sd, tilt_sd))
 
     def add_fix(self, anchor: int, east: float, north: float, sigma: float) -> None:
-        """Hold an anchor where a satellite receiver saw it.
+        """Hold an anchor where a satellite receiver saw it, unless that is wildly wrong.
 
         Parameters
         ----------
@@ -220,8 +220,8 @@ class PoseGraph:
         Returns
         -------
         solution : PoseGraphSolution
-            Poses, covariances and the verdict on each closure. Where no closure holds, the poses are the dead-reckoned
-            ones, bit for bit, unless there are fixes.
+            Poses, covariances and the verdict on each closure and each fix. Where no closure holds, the poses are the
+            dead-reckoned ones, bit for bit, unless there are fixes.
         """
         rules = Rules(
             self._chooser(),

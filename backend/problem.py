@@ -43,7 +43,7 @@ class Problem:
     fixes: Sequence[PositionFix]
     closures: Sequence[RelativePose]
     chance: FloatArray
-    _made: dict[float, list[gtsam.NonlinearFactor]] = field(default_factory=dict, repr=False, compare=False)
+    _made: dict[float, list[gtsam.NonlinearFactor]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def known_factors(self, scale: float) -> list[gtsam.NonlinearFactor]:
         """Make all factors but those of the closures.

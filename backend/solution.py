@@ -44,6 +44,8 @@ class PoseGraphSolution:
         at the estimated poses.
     g2o : str
         The graph as a g2o file.
+    fix_reasons : tuple of str, length F
+        Why a fix was not taken; empty where it was.
     """
 
     T_world_anchor: FloatArray
@@ -54,6 +56,7 @@ class PoseGraphSolution:
     error_before: float
     error_after: float
     g2o: str
+    fix_reasons: tuple[str, ...] = ()
 
     @property
     def is_inlier(self) -> BoolArray:

@@ -1,7 +1,8 @@
 """Solving a graph: choose closures, see which of them the graph bears out, withdraw what does harm."""
 
+import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from backend.beliefs import Chooser, Offer, start_poses
 from backend.consistency import ConsistencyConfig, is_enough
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement, harmful_closures
 from backend.factors import between_factors
+from backend.fixes import harmful_fixes
 from backend.g2o import g2o_text
 from backend.optimiser import half_squared_error, marginal_covariances, optimise, truncated_weights
 from backend.problem import Belief, Estimate, Problem
 from backend.solution import INLIER_WEIGHT, PoseGraphSolution, Withdrawal
+
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,19 @@ def solve_problem(problem: Problem, rules: Rules, withdrawn: Mapping[int, str]) 
     Returns
     -------
     solution : PoseGraphSolution
-        Poses, covariances and the verdict on each closure.
+        Poses, covariances and the verdict on each closure and each fix.
     """
-    withdrawn = dict(withdrawn)
+    harmful = harmful_fixes(problem, rules.consistency.max_odometry_scale, rules.do_no_harm.residual_probability)
+    for fix, reason in harmful.items():
+        _logger.warning("the fix of anchor %d is not taken: %s", problem.fixes[fix].anchor, reason)
+    every = range(len(problem.fixes))
+    trusted = replace(problem, fixes=[problem.fixes[fix] for fix in every if fix not in harmful])
+    solution = _solved(trusted, rules, dict(withdrawn))
+    return replace(solution, fix_reasons=tuple(harmful.get(fix, "") for fix in every))
+
+
+def _solved(problem: Problem, rules: Rules, withdrawn: dict[int, str]) -> PoseGraphSolution:
+    """The solution with all fixes and the closures that can be trusted."""
     offered = np.setdiff1d(np.arange(len(problem.closures)), list(withdrawn)).astype(np.int64)
     # which closures agree, and how far dead reckoning must be stretched for it
     belief = rules.choose(Offer(problem, offered, rules.consistency, rules.rng))
