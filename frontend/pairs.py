@@ -1,17 +1,44 @@
-"""Pairs: which submaps may show the same place, by dead reckoning."""
+"""Pairs: which submaps may show the same place, by dead reckoning and by the likeness of their features."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from frontend.arrays import FloatArray
+from frontend.arrays import AnyArray, FloatArray, IntArray
+from frontend.coverage import OUTLINE_STEP, Coverage, coverage_of, possible_overlap
+from frontend.features import Features
 from frontend.frames import invert
+from frontend.place_index import PlaceIndex
 from frontend.priors import Prior
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 
 PriorCovariance = Callable[[int, int], FloatArray]
+
+
+@runtime_checkable
+class ManyPriorCovariances(Protocol):
+    """A `PriorCovariance` that is faster asked about many pairs at once."""
+
+    def many(self, targets: IntArray, source: int) -> FloatArray:
+        """Covariances of one source seen from many targets.
+
+        Parameters
+        ----------
+        targets : ndarray of int, shape (P,)
+            Positions of submaps.
+        source : int
+            Position of a submap.
+
+        Returns
+        -------
+        covariances : ndarray, shape (P, 6, 6)
+            As one by one.
+        """
 
 
 class PairConfig(BaseModel):
@@ -33,9 +60,113 @@ class PairConfig(BaseModel):
         le=1,
         description="Overlap that must be possible inside the gate [share of the smaller submap].",
     )
+    max_partners: int = Field(
+        default=40,
+        gt=0,
+        description="Earlier submaps that one is compared with [1]; where the gate admits more, those with the most "
+        "alike features: a wide gate over a long dive would hold nearly all.",
+    )
+    n_anywhere: int = Field(
+        default=0,
+        ge=0,
+        description="Earlier submaps outside the gate that one is compared with as well, those most alike [1], heading "
+        "unknown: for a vehicle that was lost or another dive's submaps. 0 trusts the gate.",
+    )
 
 
-_OUTLINE_STEP = 5.0  # [m] between the cells that stand for a submap's coverage
+@dataclass(frozen=True)
+class Partners:
+    """Earlier submaps that one is to be compared with.
+
+    Parameters
+    ----------
+    in_gate : ndarray of int, shape (P,)
+        Positions of those that dead reckoning allows, in order.
+    anywhere : ndarray of int, shape (Q,)
+        Positions of others whose features are alike, the most alike first.
+    """
+
+    in_gate: IntArray
+    anywhere: IntArray
+
+
+class PairFinder:
+    """Finds the partners of one submap after the other; what it costs grows little with their number.
+
+    Parameters
+    ----------
+    config : PairConfig, optional
+        Gate, distances and numbers.
+    """
+
+    def __init__(self, config: PairConfig | None = None) -> None:
+        self.config = config or PairConfig()
+        self._index = PlaceIndex()
+        self._submaps: list[Submap] = []
+        self._coverage: list[Coverage] = []
+        self._rows: list[tuple[float, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._submaps)
+
+    def add(
+        self, submap: Submap, features: Features | None, distance: FloatArray, prior_covariance: PriorCovariance
+    ) -> Partners:
+        """Find the partners of the next submap among those before.
+
+        Parameters
+        ----------
+        submap : Submap
+            The next of a dive.
+        features : Features or None
+            Its features; without them nothing is ranked, and the nearest inside the gate come first.
+        distance : ndarray, shape (N,)
+            Way along the track of all pings so far [m].
+        prior_covariance : callable
+            Covariance (6, 6) of ``T_target_source`` by dead reckoning for two positions.
+
+        Returns
+        -------
+        partners : Partners
+            Positions of earlier submaps.
+        """
+        coverage = coverage_of(submap)
+        row = _row_of(submap, coverage, distance)
+        descriptors = features.descriptors if features is not None else np.empty((0, 33))
+        votes = self._index.votes(descriptors)
+        partners = self._partners(submap, row, coverage, votes, prior_covariance)
+        self._index.add(descriptors)
+        self._submaps.append(submap)
+        self._coverage.append(coverage)
+        self._rows.append(row)
+        return partners
+
+    def _partners(
+        self, source: Submap, row: tuple[float, ...], coverage: Coverage, votes: FloatArray, prior: PriorCovariance
+    ) -> Partners:
+        """Those inside the gate and the most alike of the rest."""
+        if not self._rows:
+            return Partners(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+        rows, number = np.array(self._rows), len(self._rows)
+        apart = np.flatnonzero(_are_apart(rows, row, self.config.min_separation))
+        covariances = _covariances(prior, apart, number)
+        near = _can_meet(rows[apart], row, covariances, self.config.gate)
+        gap = np.hypot(rows[:, _X] - row[_X], rows[:, _Y] - row[_Y])
+        alike = np.lexsort([gap, -votes])
+        allowed = {int(t): covariance for t, covariance in zip(apart[near], covariances[near], strict=True)}
+        overlapping = (
+            t
+            for t in alike[np.isin(alike, apart[near])].tolist()
+            if self._possible_overlap(t, source, coverage, allowed[t]) >= self.config.min_overlap
+        )
+        in_gate = np.array(sorted(islice(overlapping, self.config.max_partners)), dtype=np.int64)
+        others = alike[np.isin(alike, apart) & ~np.isin(alike, in_gate) & (votes[alike] > 0)]
+        return Partners(in_gate, others[: self.config.n_anywhere])
+
+    def _possible_overlap(self, target: int, source: Submap, coverage: Coverage, covariance: FloatArray) -> float:
+        """Share of the smaller submap that overlaps at best inside the gate."""
+        T_dr = predicted_transform(self._submaps[target], source)
+        return possible_overlap(self._coverage[target], coverage, Prior(T_dr, covariance, self.config.gate))
 
 
 def pairs_to_compare(
@@ -43,6 +174,7 @@ def pairs_to_compare(
     trajectory_dr: Trajectory,
     prior_covariance: PriorCovariance,
     config: PairConfig | None = None,
+    features: Sequence[Features] | None = None,
 ) -> list[tuple[int, int]]:
     """Pairs of submaps that are no neighbours and may overlap inside the gate.
 
@@ -56,25 +188,18 @@ def pairs_to_compare(
         Covariance (6, 6) of ``T_target_source`` by dead reckoning for two positions in ``submaps``.
     config : PairConfig, optional
         Gate and distances.
+    features : sequence of Features, optional
+        Their features, which rank the partners where the gate holds too many.
 
     Returns
     -------
     pairs : list of (int, int)
         Positions in ``submaps``, target before source.
     """
-    config = config or PairConfig()
-    distance = trajectory_dr.distance
-    coverage = [_coverage(submap) for submap in submaps]
-    pairs = []
-    for source in range(len(submaps)):
-        for target in range(source):
-            if not _is_apart(submaps[target], submaps[source], distance, config.min_separation):
-                continue
-            T_dr = predicted_transform(submaps[target], submaps[source])
-            prior = Prior(T_dr, prior_covariance(target, source), config.gate)
-            if _possible_overlap(coverage[target], coverage[source], prior) >= config.min_overlap:
-                pairs.append((target, source))
-    return pairs
+    finder, distance = PairFinder(config), trajectory_dr.distance
+    known = features if features is not None else [None] * len(submaps)
+    partners = [finder.add(s, f, distance, prior_covariance) for s, f in zip(submaps, known, strict=True)]
+    return [(int(target), source) for source, found in enumerate(partners) for target in found.in_gate]
 
 
 def predicted_transform(target: Submap, source: Submap) -> FloatArray:
@@ -93,30 +218,36 @@ def predicted_transform(target: Submap, source: Submap) -> FloatArray:
     return np.asarray(invert(target.T_world_submap_dr) @ source.T_world_submap_dr)
 
 
-def _is_apart(target: Submap, source: Submap, distance: FloatArray, n_windows: float) -> bool:
-    """Whether two submaps share no ping and lie far enough apart along the track."""
-    if target.end_ping > source.first_ping:
-        return False
-    length = max(distance[s.end_ping - 1] - distance[s.first_ping] for s in (target, source))
-    return bool(distance[source.anchor_ping] - distance[target.anchor_ping] > n_windows * length)
+_X, _Y, _REACH, _FIRST, _END, _ANCHOR, _LENGTH = range(7)  # of a row: centre, radius [m], pings, way to, way along [m]
 
 
-def _coverage(submap: Submap) -> FloatArray:
-    """Every few metres a known cell, shape (K, 2) [m]."""
-    step = max(round(_OUTLINE_STEP / submap.surface.spacing), 1)
-    x, y = np.meshgrid(submap.surface.x[::step], submap.surface.y[::step])
-    return np.stack([x, y], axis=-1)[submap.is_known[::step, ::step]]
+def _row_of(submap: Submap, coverage: Coverage, distance: FloatArray) -> tuple[float, ...]:
+    """What decides at a glance whether a submap can be a partner."""
+    T, cells = submap.T_world_submap_dr, coverage.cells
+    middle = cells.mean(axis=0) if len(cells) else np.zeros(2)
+    x, y = T[:2, :2] @ middle + T[:2, 3]
+    reach = float(np.hypot(*(cells - middle).T).max(initial=0.0)) + OUTLINE_STEP
+    length = distance[submap.end_ping - 1] - distance[submap.first_ping]
+    return x, y, reach, submap.first_ping, submap.end_ping, distance[submap.anchor_ping], length
 
 
-def _possible_overlap(target: FloatArray, source: FloatArray, prior: Prior) -> float:
-    """Share of the smaller coverage that overlaps when the source is drawn to the target as far as the gate allows."""
-    if not len(target) or not len(source):
-        return 0.0
-    T = prior.T_target_source
-    moved = source @ T[:2, :2].T + T[:2, 3]
-    towards = target.mean(axis=0) - moved.mean(axis=0)
-    reach = np.sqrt(prior.limit / max(float(towards @ np.linalg.inv(prior.planar_covariance[:2, :2]) @ towards), 1e-12))
-    moved = moved + min(float(reach), 1.0) * towards
-    cells = {tuple(cell) for cell in np.rint(target / _OUTLINE_STEP).astype(int)}
-    n_common = sum(tuple(cell) in cells for cell in np.rint(moved / _OUTLINE_STEP).astype(int))
-    return float(n_common / min(len(target), len(source)))
+def _are_apart(targets: FloatArray, source: tuple[float, ...], n_windows: float) -> AnyArray:
+    """Which submaps share no ping with a later one and lie far enough from it along the track, shape (P,)."""
+    length = np.maximum(targets[:, _LENGTH], source[_LENGTH])
+    way = source[_ANCHOR] - targets[:, _ANCHOR]
+    return np.asarray((targets[:, _END] <= source[_FIRST]) & (way > n_windows * length))
+
+
+def _covariances(prior_covariance: PriorCovariance, targets: IntArray, source: int) -> FloatArray:
+    """Covariances of a source seen from targets, shape (P, 6, 6)."""
+    if isinstance(prior_covariance, ManyPriorCovariances):
+        return prior_covariance.many(targets, source)
+    return np.array([prior_covariance(int(target), source) for target in targets]).reshape(-1, 6, 6)
+
+
+def _can_meet(targets: FloatArray, source: tuple[float, ...], covariances: FloatArray, gate: float) -> AnyArray:
+    """Which targets' circles the source's can meet inside a gate; more than those that really can, shape (P,)."""
+    gap = np.hypot(targets[:, _X] - source[_X], targets[:, _Y] - source[_Y]) - targets[:, _REACH] - source[_REACH]
+    limit = Prior(np.eye(4), np.eye(6), gate).limit
+    sigma = np.sqrt(covariances[:, 3, 3] + covariances[:, 4, 4] + 0.1)  # no direction is less certain
+    return np.asarray(gap <= np.sqrt(limit) * sigma)

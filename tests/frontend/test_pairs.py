@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frontend.features import Features
 from frontend.frames import planar_pose
 from frontend.heightfield import Heightfield
-from frontend.pairs import PairConfig, pairs_to_compare, predicted_transform
+from frontend.pairs import PairConfig, PairFinder, pairs_to_compare, predicted_transform
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 
@@ -81,3 +82,59 @@ def test_no_submaps_give_no_pairs():
 def test_the_predicted_transform_takes_source_points_to_the_target():
     a, b = square_submap(0, 3.0, 1.0, np.pi / 2), square_submap(1, 3.0, 5.0, np.pi / 2)
     assert predicted_transform(a, b) == pytest.approx(planar_pose(4.0, 0.0, 0.0), abs=1e-12)
+
+
+class Together:
+    """A prior that answers for many pairs at once, and says so when it is asked one by one."""
+
+    def __init__(self, sigma):
+        self.sigma = sigma
+
+    def __call__(self, _target, _source):
+        raise AssertionError("asked one by one")
+
+    def many(self, targets, _source):
+        return np.tile(covariance(self.sigma)(0, 0), (len(targets), 1, 1))
+
+
+def test_a_prior_that_knows_many_pairs_is_asked_once():
+    submaps = [square_submap(k, 30.0 * (k % 3), 0.0) for k in range(0, 12, 3)]
+    one_by_one = pairs_to_compare(submaps, track(1200), covariance(5.0))
+    assert one_by_one
+    assert pairs_to_compare(submaps, track(1200), Together(5.0)) == one_by_one
+
+
+def features_of(rng):
+    histograms = rng.gamma(0.5, size=(150, 33))
+    return Features(np.zeros((150, 3)), 200 * histograms, np.zeros((150, 3)))
+
+
+def test_of_too_many_inside_the_gate_the_most_alike_are_compared():
+    rng = np.random.default_rng(0)
+    submaps = [square_submap(3 * k, 5.0 * k, 0.0) for k in range(12)]
+    features = [features_of(rng) for _ in submaps]
+    features[11] = replace(features[4], descriptors=features[4].descriptors + rng.normal(0, 1.0, (150, 33)))
+    pairs = pairs_to_compare(submaps, track(4000), covariance(20.0), PairConfig(max_partners=2), features)
+    assert (4, 11) in pairs
+    assert all(sum(source == k for _, source in pairs) <= 2 for k in range(12))
+
+
+def test_without_features_the_nearest_inside_the_gate_are_compared():
+    submaps = [square_submap(3 * k, 5.0 * k, 0.0) for k in range(6)]
+    pairs = pairs_to_compare(submaps, track(2000), covariance(20.0), PairConfig(max_partners=2))
+    assert [target for target, source in pairs if source == 5] == [3, 4]
+
+
+def test_places_outside_the_gate_are_partners_where_they_are_alike_and_asked_for():
+    rng = np.random.default_rng(1)
+    submaps = [square_submap(3 * k, 400.0 * k, 0.0) for k in range(8)]
+    features = [features_of(rng) for _ in submaps]
+    features[7] = replace(features[2], descriptors=features[2].descriptors + rng.normal(0, 1.0, (150, 33)))
+    for n, expected in ((0, []), (1, [2])):
+        finder = PairFinder(PairConfig(n_anywhere=n))
+        found = [
+            finder.add(s, f, track(4000).distance, covariance(5.0)) for s, f in zip(submaps, features, strict=True)
+        ]
+        assert found[7].in_gate.tolist() == []
+        assert found[7].anywhere.tolist() == expected
+    assert len(finder) == 8
