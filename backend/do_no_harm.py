@@ -12,11 +12,13 @@ from backend.optimiser import residual_distances
 from backend.poses import invert
 from backend.problem import Estimate, Problem
 from backend.solution import Withdrawal
+from backend.triangular import factorise
 
 __all__ = ["DoNoHarmConfig", "MapAgreement", "harmful_closures", "residual_distances"]
 
 MapAgreement = Callable[[int, int, FloatArray], float]
 
+_MAX_COMPARED = 300  # closures whose correction is held against dead reckoning together; more tell the same
 _SHARE_AT_ONCE = 4  # of the closures whose maps disagree, one in so many goes at a time
 
 
@@ -102,5 +104,6 @@ def _agreements(T_world_anchor: FloatArray, ends: Sequence[tuple[int, int]], agr
 
 def _correction(closures: Innovations, scale: float) -> float:
     """Root mean square of what closures say against dead reckoning, over what it may be wrong by."""
-    residuals = closures.residuals.ravel()
-    return float(np.sqrt(residuals @ np.linalg.solve(closures.joint_covariance(scale), residuals) / residuals.size))
+    few = closures[np.linspace(0, len(closures) - 1, min(_MAX_COMPARED, len(closures))).astype(np.int64)]
+    _, whitened = factorise(few.joint_covariance(scale), few.residuals.reshape(1, -1))
+    return float(np.sqrt((whitened**2).mean()))

@@ -6,11 +6,11 @@ reckoning lets them be looked for. All figures are logarithms of likelihood rati
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
 from backend.innovations import Innovations
+from backend.triangular import factorise, inverse, without_rows
 
 _DIMENSIONS = 3  # yaw, x, y
 _GATE = float(chdtri(_DIMENSIONS, 1e-4))  # squared radius of the gate: hardly a true closure lies outside
@@ -34,8 +34,8 @@ def log_evidence(members: Innovations, scale: float) -> float:
     log_evidence : float
         Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side.
     """
-    factor, residuals = cho_factor(members.joint_covariance(scale), lower=True), members.residuals.ravel()
-    log_true = -0.5 * residuals @ cho_solve(factor, residuals) - np.log(np.diag(factor[0])).sum()
+    factor, whitened = factorise(members.joint_covariance(scale), members.residuals.reshape(1, -1))
+    log_true = -0.5 * (whitened**2).sum() - np.log(np.diag(factor)).sum()
     log_prior = -0.5 * (np.log(scale) / np.log(2.0)) ** 2
     return float(log_true + len(members) * _LOG_NORMAL - log_gate(members, 1.0).sum() + log_prior)
 
@@ -98,13 +98,13 @@ def surprises(judged: Innovations, believed: Innovations, scale: float) -> tuple
     covariance : ndarray, shape (D, 3, 3)
         Of the surprise, were the closure true.
     """
-    factor = cho_factor(believed.joint_covariance(scale), lower=True)
     shared = scale**2 * judged.shared_drift(believed).transpose(0, 2, 1, 3).reshape(3 * len(judged), -1)
-    gain = cho_solve(factor, shared.T).T.reshape(len(judged), 3, -1)
-    surprise = judged.residuals - gain @ believed.residuals.ravel()
+    told = believed.residuals.reshape(1, -1)
+    _, whitened = factorise(believed.joint_covariance(scale), np.concatenate([shared, told]))
+    told, shared = whitened[-1], whitened[:-1].reshape(len(judged), 3, -1)
     drift = judged.drift[judged.last] - judged.drift[judged.first]
-    explained = gain @ shared.reshape(len(judged), 3, -1).transpose(0, 2, 1)
-    return surprise, judged.noise + scale**2 * drift - explained
+    explained = np.einsum("aik,ajk->aij", shared, shared)
+    return judged.residuals - np.einsum("aik,k->ai", shared, told), judged.noise + scale**2 * drift - explained
 
 
 def surpluses(judged: Innovations, believed: Innovations, scale: float, cost: float) -> tuple[FloatArray, float]:
@@ -192,7 +192,7 @@ def without_losers(closures: Innovations, group: IntArray, scale: float, least: 
         Positions of those that stay.
     """
     kept, enough = np.arange(len(closures)), log_gate(closures, scale) + np.asarray(least)
-    information: FloatArray = np.asarray(np.linalg.inv(closures.joint_covariance(scale)), dtype=np.float64)
+    information = inverse(closures.joint_covariance(scale))
     while kept.size:
         losers = _losers(information, closures.residuals[kept], enough[kept], group[kept])
         if not losers.size:
@@ -219,7 +219,7 @@ def _gains_within(information: FloatArray, residuals: FloatArray, group: IntArra
     own, pull = np.zeros((n_groups, 3, 3)), np.zeros((n_groups, 3))
     first, second = np.nonzero(group[:, None] == group)
     np.add.at(own, group[first], information.reshape(n, 3, n, 3)[first, :, second])
-    np.add.at(pull, group, (information @ residuals.ravel()).reshape(n, 3))
+    np.add.at(pull, group, np.einsum("ij,j->i", information, residuals.ravel()).reshape(n, 3))
     distance = np.einsum("ai,ai->a", pull, np.linalg.solve(own, pull[..., None])[..., 0])
     return np.asarray(_LOG_NORMAL - 0.5 * (distance - np.linalg.slogdet(own)[1]))
 
@@ -228,7 +228,5 @@ def _without(information: FloatArray, closures: IntArray) -> FloatArray:
     """Information of a set of which some closures are not observed."""
     rows = (3 * closures[:, None] + np.arange(3)).ravel()
     others = np.delete(np.arange(len(information)), rows)
-    cross = information[np.ix_(others, rows)]
-    return np.asarray(
-        information[np.ix_(others, others)] - cross @ np.linalg.solve(information[np.ix_(rows, rows)], cross.T)
-    )
+    _, whitened = factorise(information[np.ix_(rows, rows)], information[np.ix_(others, rows)])
+    return without_rows(information[np.ix_(others, others)], whitened)
