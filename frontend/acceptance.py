@@ -49,6 +49,12 @@ class AcceptanceConfig(BaseModel):
     min_lead: float = Field(
         default=1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
     )
+    min_lead_anywhere: float = Field(
+        default=2.5,
+        ge=0,
+        description="The same lead where nothing said where the place is or which heading it was seen from [standard "
+        "deviations]: every wrong heading has a chance to come near.",
+    )
     min_information: float = Field(
         default=0.05,
         ge=0,
@@ -62,6 +68,22 @@ class AcceptanceConfig(BaseModel):
     max_sigma: float = Field(
         default=2.0, gt=0, description="Largest standard deviation of x and y [m]: a ridge fixes one of them only."
     )
+
+    def anywhere(self, n_places: int) -> "AcceptanceConfig":
+        """What is accepted of a place that its appearance alone has chosen among many.
+
+        Parameters
+        ----------
+        n_places : int
+            Places it was chosen from, each of which might have been alike by chance.
+
+        Returns
+        -------
+        config : AcceptanceConfig
+            As this one, the chance shared among the places and the lead longer.
+        """
+        strict = {"max_chance": self.max_chance / max(n_places, 1), "min_lead": self.min_lead_anywhere}
+        return self.model_copy(update=strict)
 
 
 def decide(verification: Verification, runner_up: float, prior: Prior, config: AcceptanceConfig) -> Rejection | None:

@@ -1,12 +1,13 @@
 """Loop closures: which submaps to compare; accept, or reject with a reason."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from frontend.acceptance import AcceptanceConfig, Rejection, decide
+from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray, IntArray
 from frontend.features import Features
 from frontend.frames import planar_parameters
@@ -45,6 +46,8 @@ class LoopClosure:
         Whether the closure enters, or stays in, the pose graph.
     reason : str
         Why not, without a comma; empty when accepted.
+    is_from_appearance : bool
+        Whether the place was chosen for its likeness alone, wherever dead reckoning has it.
     """
 
     target: int
@@ -57,6 +60,7 @@ class LoopClosure:
     overlap: float
     accepted: bool
     reason: str
+    is_from_appearance: bool = False
 
 
 class LoopClosureConfig(BaseModel):
@@ -70,6 +74,9 @@ class LoopClosureConfig(BaseModel):
     matching: MatchingConfig = MatchingConfig()
     registration: RegistrationConfig = RegistrationConfig()
     acceptance: AcceptanceConfig = AcceptanceConfig()
+
+
+_COARSER = 2.0  # steps of the yaw over a whole circle: half as many, and alignment still finds its way from between
 
 
 @dataclass(frozen=True)
@@ -161,6 +168,42 @@ def compare_pairs(
         T_dr = predicted_transform(submaps[target], submaps[source])
         prior = Prior(T_dr, prior_covariance(target, source), config.pairs.gate)
         yield _compare(places[target], places[source], prior, config)
+
+
+def recognise_pairs(
+    pairs: Sequence[tuple[int, int]],
+    submaps: Sequence[Submap],
+    features: Sequence[Features],
+    config: LoopClosureConfig | None = None,
+) -> Iterator[LoopClosure]:
+    """Compare pairs as if nothing were known of where and at which heading they meet, and accept with more care.
+
+    Parameters
+    ----------
+    pairs : sequence of (int, int)
+        Positions in ``submaps``, target before source, as from `frontend.pairs.Partners.anywhere`.
+    submaps, features : sequence
+        The submaps and their features. The chance that each pair may have is shared among all of them.
+    config : LoopClosureConfig, optional
+        Gates and thresholds.
+
+    Yields
+    ------
+    loop_closure : LoopClosure
+        One a pair, in their order.
+    """
+    config = config or LoopClosureConfig()
+    wide = config.search.model_copy(update={"yaw_step": _COARSER * config.search.yaw_step})
+    config = config.model_copy(update={"acceptance": config.acceptance.anywhere(len(submaps)), "search": wide})
+    places = {i: _place(submaps[i], features[i], config) for i in sorted({i for pair in pairs for i in pair})}
+    for target, source in pairs:
+        reliefs = (places[target].layers.relief, places[source].layers.relief)
+        if not min(relief.area for relief in reliefs):
+            closure = _row(places[target], places[source], 0, None, Rejection.FLAT)
+        else:
+            prior = anywhere(*reliefs, config.pairs.gate)
+            closure = _compare(places[target], places[source], prior, config)
+        yield replace(closure, is_from_appearance=True)
 
 
 def _place(submap: Submap, features: Features, config: LoopClosureConfig) -> _Place:
