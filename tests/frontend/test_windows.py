@@ -189,3 +189,13 @@ def test_finished_windows_of_no_method_change_when_more_pings_come(track, n_firs
     early = finished_windows(track[slice(0, n_first)], 1.0, config)
     late = sliding_windows(track, 1.0, config)
     assert late[: len(early)] == early
+
+
+def test_a_window_that_a_turn_may_yet_cut_is_not_finished():
+    # at every ping of a leg and a turn; windows a fifth of their length apart, so that several end near the cut
+    track = winding_track([0.0] * 6 + [0.06] * 4)
+    config = WindowConfig(method="adaptive", length=40.0, overlap=0.8, min_radius=50.0)
+    late = sliding_windows(track, 1.0, config)
+    for n_first in range(1, len(track)):
+        early = finished_windows(track[slice(0, n_first)], 1.0, config)
+        assert late[: len(early)] == early

@@ -115,6 +115,11 @@ def test_two_fixes_that_disagree_are_both_rejected() -> None:
     assert fixes.rejected == {str(Rejection.DISAGREES): 2}
 
 
+def test_the_middle_of_fixes_that_all_disagree_is_no_fix():
+    _, _, fixes = solve(dive({N - 3: (0.0, 0.0), N - 2: (60.0, 0.0), N - 1: (130.0, 0.0)}))
+    assert fixes.rejected == {str(Rejection.DISAGREES): 3}
+
+
 def test_surfacings_that_contradict_one_another_are_told_apart_by_the_many() -> None:
     places = dict.fromkeys((225, 275, 375), (0.0, 0.0))
     trajectory, _, fixes = solve(dive({**places, 325: (0.0, 60.0)}))
