@@ -196,10 +196,36 @@ def pairs_to_compare(
     pairs : list of (int, int)
         Positions in ``submaps``, target before source.
     """
-    finder, distance = PairFinder(config), trajectory_dr.distance
     known = features if features is not None else [None] * len(submaps)
-    partners = [finder.add(s, f, distance, prior_covariance) for s, f in zip(submaps, known, strict=True)]
-    return [(int(target), source) for source, found in enumerate(partners) for target in found.in_gate]
+    return all_pairs(submaps, known, trajectory_dr, prior_covariance, config)[0]
+
+
+def all_pairs(
+    submaps: Sequence[Submap],
+    features: Sequence[Features | None],
+    trajectory_dr: Trajectory,
+    prior_covariance: PriorCovariance,
+    config: PairConfig | None = None,
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Pairs of submaps worth comparing, by dead reckoning and by appearance.
+
+    Parameters
+    ----------
+    submaps, features : sequence
+        The submaps of a dive, in order, and their features; None where those are not known.
+    trajectory_dr, prior_covariance, config
+        As for `pairs_to_compare`.
+
+    Returns
+    -------
+    in_gate, anywhere : list of (int, int)
+        Positions in ``submaps``, target before source: the pairs of `pairs_to_compare`, and others whose features are
+        alike.
+    """
+    finder, distance = PairFinder(config), trajectory_dr.distance
+    partners = [finder.add(s, f, distance, prior_covariance) for s, f in zip(submaps, features, strict=True)]
+    in_gate = [(int(target), source) for source, found in enumerate(partners) for target in found.in_gate]
+    return in_gate, [(int(target), source) for source, found in enumerate(partners) for target in found.anywhere]
 
 
 def predicted_transform(target: Submap, source: Submap) -> FloatArray:

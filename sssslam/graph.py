@@ -225,9 +225,27 @@ def prior_covariance(submaps: Sequence[Submap], dead_reckoning: DeadReckoning) -
         Takes two positions in ``submaps``; gives the (6, 6) covariance in the target's level frame, rotation first.
     """
 
-    def covariance(target: int, source: int) -> FloatArray:
-        turn = np.kron(np.eye(2), submaps[target].T_submap_body[:3, :3])
-        relative = dead_reckoning.relative_covariance(submaps[target].anchor_ping, submaps[source].anchor_ping)
-        return np.asarray(turn @ relative @ turn.T)
+    return _Covariances(submaps, dead_reckoning)
 
-    return covariance
+
+@dataclass(frozen=True)
+class _Covariances:
+    """Covariances by dead reckoning, of one pair or of many at once."""
+
+    submaps: Sequence[Submap]
+    dead_reckoning: DeadReckoning
+
+    def __call__(self, target: int, source: int) -> FloatArray:
+        return np.asarray(self.many(np.array([target]), source)[0])
+
+    def many(self, targets: IntArray, source: int) -> FloatArray:
+        """Shape (P, 6, 6): of one source seen from many targets."""
+        turn = np.zeros((len(targets), 6, 6))
+        turn[:, :3, :3] = np.array([self.submaps[t].T_submap_body[:3, :3] for t in targets]).reshape(-1, 3, 3)
+        turn[:, 3:, 3:] = turn[:, :3, :3]
+        anchors = np.array([self.submaps[t].anchor_ping for t in targets], dtype=np.int64)
+        relative = self.dead_reckoning.relative_covariances(anchors, np.full_like(anchors, self._anchor(source)))
+        return np.asarray(turn @ relative @ turn.transpose(0, 2, 1))
+
+    def _anchor(self, source: int) -> int:
+        return self.submaps[source].anchor_ping

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray
 from frontend.chance import expected_by_chance, joint_chance, significance
 from frontend.frames import invert, planar_parameters
@@ -57,7 +58,7 @@ class MapAgreement:
         return float(significance(np.array(overlap.correlation), np.array(overlap.area), area))
 
     def chance(self, closure: LoopClosure, covariance: PriorCovariance) -> float:
-        """Chance that unrelated floors align as well as a closure, inside the gate that was searched for it.
+        """Chance that unrelated floors align as well as a closure, in the gate and among the places searched for it.
 
         Parameters
         ----------
@@ -76,9 +77,12 @@ class MapAgreement:
         area, area_r = joint_area(target.relief, source.relief), _reflectivity_area(target, source)
         by_shape = float(significance(np.array(overlap.correlation), np.array(overlap.area), area))
         by_echo = float(significance(np.array(overlap.reflectivity_correlation), np.array(overlap.area), area_r))
-        T_dr = predicted_transform(self._submaps[closure.target], self._submaps[closure.source])
-        prior = Prior(T_dr, covariance(closure.target, closure.source), self._config.pairs.gate)
-        return joint_chance(expected_by_chance(by_shape, overlap.area, area, prior), by_echo)
+        if closure.is_from_appearance:
+            prior, n_places = anywhere(target.relief, source.relief, self._config.pairs.gate), len(self._submaps)
+        else:
+            T_dr = predicted_transform(self._submaps[closure.target], self._submaps[closure.source])
+            prior, n_places = Prior(T_dr, covariance(closure.target, closure.source), self._config.pairs.gate), 1
+        return n_places * joint_chance(expected_by_chance(by_shape, overlap.area, area, prior), by_echo)
 
     def _of(self, submap: int) -> Layers:
         """Rasters of a submap."""

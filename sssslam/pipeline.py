@@ -13,8 +13,8 @@ from frontend.bottom import find_bottom
 from frontend.features import Features
 from frontend.features import describe as describe_submap
 from frontend.frames import invert
-from frontend.loop_closures import LoopClosure, compare_pairs
-from frontend.pairs import pairs_to_compare
+from frontend.loop_closures import LoopClosure, compare_pairs, recognise_pairs
+from frontend.pairs import PairFinder
 from frontend.radiometry import Radiometry
 from frontend.reconstruction import calibrate
 from frontend.recording import Recording, SonarGeometry
@@ -124,6 +124,7 @@ class Slam:
         self.submaps: list[Submap] = []
         self.skipped = Skipped()
         self._features: list[Features] = []
+        self._finder = PairFinder(self.config.loop_closures.pairs)
         self._pings: Recording | None = None
         self._n_forgotten = 0
         self._n_windows = 0  # reconstructed or skipped
@@ -210,10 +211,13 @@ class Slam:
         assert self._track is not None
         reckoning = self._dead_reckoning()
         prior = prior_covariance(self.submaps, reckoning)
-        pairs = pairs_to_compare(self.submaps, self._track, prior, self.config.loop_closures.pairs)
-        new = [pair for pair in pairs if pair[1] >= len(self.submaps) - n_new]
-        found = compare_pairs(new, self.submaps, self._features, prior, self.config.loop_closures)
-        self._candidates.extend(found)
+        settings, distance, known = self.config.loop_closures, self._track.distance, (self.submaps, self._features)
+        new = range(len(self.submaps) - n_new, len(self.submaps))
+        partners = [(self._finder.add(self.submaps[k], self._features[k], distance, prior), k) for k in new]
+        in_gate = [(int(target), k) for found, k in partners for target in found.in_gate]
+        anywhere = [(int(target), k) for found, k in partners for target in found.anywhere]
+        self._candidates.extend(compare_pairs(in_gate, *known, prior, settings))
+        self._candidates.extend(recognise_pairs(anywhere, *known, settings))
         self._solution = solve_graph(self.submaps, self._candidates, reckoning, self.config)
         self.loop_closures = decided(self._candidates, self._solution)
 

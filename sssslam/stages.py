@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from backend.pose_graph import PoseGraphSolution
 from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
 from frontend.features import Features
-from frontend.loop_closures import LoopClosure, compare_pairs
-from frontend.pairs import pairs_to_compare
+from frontend.loop_closures import LoopClosure, compare_pairs, recognise_pairs
+from frontend.pairs import all_pairs
 from frontend.radiometry import Radiometry
 from frontend.reconstruction import method_of
 from frontend.recording import Recording
@@ -160,9 +161,12 @@ def close_loops(
     """
     trajectory_dr, dead_reckoning = track
     prior = prior_covariance(submaps, dead_reckoning)
-    pairs = pairs_to_compare(submaps, trajectory_dr, prior, config.loop_closures.pairs)
-    compared = compare_pairs(pairs, submaps, features, prior, config.loop_closures)
-    return [next(compared) for _ in watch.track("loop closures", pairs)]
+    in_gate, anywhere = all_pairs(submaps, features, trajectory_dr, prior, config.loop_closures.pairs)
+    compared = chain(
+        compare_pairs(in_gate, submaps, features, prior, config.loop_closures),
+        recognise_pairs(anywhere, submaps, features, config.loop_closures),
+    )
+    return [next(compared) for _ in watch.track("loop closures", [*in_gate, *anywhere])]
 
 
 def correct(
