@@ -60,24 +60,38 @@ def log_loss(records: Sequence[Record], claim: Callable[[Record], float]) -> flo
     return float(-np.mean(np.log(np.where([is_right(r) for r in records], claims, 1 - claims))))
 
 
-def is_sure(record: Record, least: float) -> bool:
-    """Accepted by the probability and the rules on geometry, in the place of chance, lead and least correlation."""
+def fits(record: Record) -> bool:
+    """Whether the rules on geometry hold."""
     rules = AcceptanceConfig()
     return bool(
         record["inside"]
         and record["overlap"] >= rules.min_overlap
         and record["height_residual"] <= rules.max_height_residual
         and max(record["sigma_x"], record["sigma_y"]) <= rules.max_sigma
-        and said(record) >= least
     )
+
+
+def is_sure(record: Record, least: float) -> bool:
+    """The rules on geometry and a probability, in the place of chance, lead and least correlation."""
+    return "chance" in record and fits(record) and said(record) >= least
+
+
+def is_no_chance(record: Record) -> bool:
+    """The rules as they are, the chance that of the shape alone, without the witness of the reflectivity."""
+    if "chance" not in record:
+        return False
+    rules, lead = AcceptanceConfig(), record["significance"] - record["runner_up"]
+    sure = record["shape_chance"] <= rules.max_chance and record["correlation"] >= rules.min_correlation
+    return bool(fits(record) and sure and lead >= rules.min_lead)
 
 
 def acceptance_lines(records: Sequence[Record]) -> Iterable[str]:
     """What would be accepted at several probabilities, beside what is."""
     yield "| rule | accepted | false | informative, 50 % and more | 30 to 50 % |\n|---|---|---|---|---|"
     yield _counts("as it is", records, lambda r: bool(r.get("accepted")))
-    for least in (0.9, 0.97, 0.99, 0.997):
-        yield _counts(f"probability of {least} and more", records, lambda r, p=least: "chance" in r and is_sure(r, p))
+    yield _counts("chance of the shape alone", records, is_no_chance)
+    for least in (0.9, 0.95, 0.97, 0.98, 0.99, 0.997):
+        yield _counts(f"probability of {least} and more", records, lambda r, p=least: is_sure(r, p))
 
 
 def _counts(name: str, records: Sequence[Record], accepts: Callable[[Record], bool]) -> str:
@@ -87,6 +101,12 @@ def _counts(name: str, records: Sequence[Record], accepts: Callable[[Record], bo
         of = [r for r in records if r["floor"] in INFORMATIVE and is_seen_again(r, (overlap,))]
         shares.append(f"{sum(accepts(r) and is_right(r) for r in of)}/{len(of)}")
     return f"| {name} | {len(kept)} | {sum(not is_right(r) for r in kept)} | {' | '.join(shares)} |"
+
+
+def highest(records: Sequence[Record]) -> str:
+    """The most probable alignments that are false."""
+    false = sorted((r for r in records if not is_right(r)), key=said)[:-4:-1]
+    return "; ".join(f"{r['floor']} {r['seed']} {said(r):.3f} with overlap {r['true_overlap']:.2f}" for r in false)
 
 
 def main() -> None:
@@ -100,6 +120,7 @@ def main() -> None:
     tuning = [r for r in verified if r["seed"] in TUNING_SEEDS]
     print("Fit: offset {:.2f}, lead {:.2f}, correlation {:.1f}".format(*fit(tuning)), end=", ")
     print(f"{np.mean([is_right(r) for r in tuning]):.2f} of {len(tuning)} right.\n")
+    print("Tuning seeds.", "", *acceptance_lines([r for r in records if r["seed"] in TUNING_SEEDS]), "", sep="\n")
     for heading in ("known", "unknown"):
         chosen = [r for r in verified if r["seed"] not in TUNING_SEEDS and r["heading"] == heading]
         if not chosen:
@@ -110,6 +131,7 @@ def main() -> None:
             print(f"| {mean:.3f} | {right:.3f} | {n} |")
         everything = [r for r in records if r["seed"] not in TUNING_SEEDS and r["heading"] == heading]
         print("", *acceptance_lines(everything), "", sep="\n")
+        print(f"False at the highest: {highest(chosen)}\n")
         curves = {"probability": reliability(chosen, said), "1 - chance": reliability(chosen, by_chance)}
         figures.draw_reliability(curves, arguments.out / f"reliability_{heading}.png")
 

@@ -10,7 +10,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 Curve = tuple[np.ndarray, np.ndarray]
-_COLOURS = {"chain": "C0", "correlation": "C1", "ransac": "C2", "fgr": "C3", "kiss-matcher": "C4", "map-closures": "C5"}
+_ROWS = ("chain", "correlation", "ransac", "fgr", "kiss-matcher", "map-closures", "probability")
+_COLOURS = {row: f"C{k}" for k, row in enumerate(_ROWS)}
 
 
 def draw_curves(curves: Mapping[tuple[str, str, str], Curve], path: Path) -> None:
