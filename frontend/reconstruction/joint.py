@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.ndimage import binary_closing, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_closing, gaussian_filter
 from scipy.sparse import csr_array
 
 from frontend.arrays import BoolArray, FloatArray
@@ -16,8 +16,9 @@ from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Raster, coverage
 from frontend.reconstruction.posterior import Altimeter, Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior
-from frontend.reconstruction.relief import ReliefConfig, believing, learn_relief
-from frontend.reconstruction.solver import Solution, SolverConfig, minimise, solve
+from frontend.reconstruction.roughness import RoughnessConfig, believing, learn_roughness
+from frontend.reconstruction.solver import Solution, SolverConfig, minimise
+from frontend.reconstruction.uncertainty import SigmaConfig, height_sigma, resample
 from frontend.reconstruction.unknowns import Unknowns
 from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
 from frontend.recording import Recording
@@ -59,17 +60,12 @@ class JointConfig(BaseModel):
     altimeter_length: float = Field(
         default=4.0, gt=0, description="Track over which altimeter errors repeat [m]: its footprint, and more."
     )
-    n_draws: int = Field(
-        default=6, ge=2, description="Draws [1] from the posterior behind sigma; smoothed over cells, a few are enough."
-    )
-    sigma_factor: float = Field(
-        default=2.0, gt=0, description="Sigma against that of the posterior [1]; calibrated on simulation."
-    )
     held_out: int = Field(
         default=12, ge=2, description="Every so many-th line [1] is kept aside to say when a solution fits only noise."
     )
     prior: PriorConfig = PriorConfig()
-    relief: ReliefConfig = ReliefConfig()
+    roughness: RoughnessConfig = RoughnessConfig()
+    sigma: SigmaConfig = SigmaConfig()
     solver: SolverConfig = SolverConfig()
 
 
@@ -118,11 +114,11 @@ def reconstruct(
     until = time.monotonic() + config.solver.deadline
     data = window_data(recording, window, bottom, radiometry)
     posteriors = coarse_to_fine(data, radiometry, config)
-    relief = learn_relief(posteriors[0], config.relief, config.solver, until)
-    levels = descend([believing(posterior, relief) for posterior in posteriors], config.solver, until)
+    roughness = learn_roughness(posteriors[0], config.roughness, config.solver, until)
+    levels = descend([believing(posterior, roughness) for posterior in posteriors], config.solver, until)
     posterior, solution = levels[-1]
     rng = np.random.default_rng([window.first_ping, window.end_ping])
-    sigma = _sigma(*levels[max(len(levels) - 2, 0)], posterior.raster, (config, rng))
+    sigma = height_sigma(levels, config.sigma, config.solver, rng)
     return _submap(recording, window, data, posterior, solution, sigma)
 
 
@@ -252,26 +248,6 @@ def first_surface(data: WindowData, raster: Raster) -> FloatArray:
     return np.asarray(height.mean() + top / base)
 
 
-def resample(values: FloatArray, old: Raster, new: Raster) -> FloatArray:
-    """Interpolate a raster on another grid.
-
-    Parameters
-    ----------
-    values : ndarray, shape of old
-        Values at cell centres.
-    old, new : Raster
-        From where, to where.
-
-    Returns
-    -------
-    resampled : ndarray, shape of new
-        Cubic between the old cells, the edge's value beyond.
-    """
-    y = (new.origin[1] + new.spacing * np.arange(new.n_y) - old.origin[1]) / old.spacing
-    x = (new.origin[0] + new.spacing * np.arange(new.n_x) - old.origin[0]) / old.spacing
-    return np.asarray(map_coordinates(values, np.meshgrid(y, x, indexing="ij"), order=3, mode="nearest"))
-
-
 def _altimeter(data: WindowData, raster: Raster, config: JointConfig) -> Altimeter:
     place = data.sensors[:, :, :2].mean(axis=1)
     fx, fy = ((place - np.array(raster.origin)) / raster.spacing).T
@@ -284,17 +260,6 @@ def _altimeter(data: WindowData, raster: Raster, config: JointConfig) -> Altimet
     step = np.hypot(*np.gradient(place, axis=0).T) if n > 1 else np.ones(1)
     precision = np.minimum(step / config.altimeter_length, 1.0) / config.altimeter_sigma**2
     return Altimeter(matrix, data.sensors[:, :, 2].mean(axis=1) - data.altitude, precision)
-
-
-def _sigma(
-    posterior: Posterior, solution: Solution, raster: Raster, how: tuple[JointConfig, np.random.Generator]
-) -> FloatArray:
-    """Standard deviation of heights from draws of the posterior at a coarser level, smoothed and inflated."""
-    config, rng = how
-    equations = posterior.curvature(solution.x, solution.mu)
-    draws = [solve(equations, equations.draw(rng), config.solver).from_coordinates() for _ in range(config.n_draws)]
-    variance = gaussian_filter(np.mean([(d.background + d.objects) ** 2 for d in draws], axis=0), 2.0)
-    return config.sigma_factor * np.sqrt(np.maximum(resample(variance, posterior.raster, raster), 1e-6))
 
 
 def _submap(

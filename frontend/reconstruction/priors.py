@@ -61,6 +61,8 @@ class Prior:
     ----------
     background, reflectivity : ndarray, shape (n_y, n_x)
         Diagonal precisions in the orthonormal cosine basis.
+    longest : float
+        Wavelength beyond which relief grows no more [m].
     object_height : float
         Scale of the heavy-tailed belief about each cell's object [m].
     object_weight : float
@@ -73,6 +75,7 @@ class Prior:
 
     background: FloatArray
     reflectivity: FloatArray
+    longest: float
     object_height: float
     object_weight: float
     beam: FloatArray
@@ -258,6 +261,7 @@ def make_prior(raster: Raster, tables: Tables, seafloor: Seafloor, config: Prior
     return Prior(
         area / relief_spectrum(k2, max(config.roughness * seafloor.roughness, config.least_roughness), config.longest),
         area / reflectivity_spectrum(k2, deviation, seafloor.length),
+        config.longest,
         config.object_height * raster.spacing,
         config.object_weight,
         np.asarray(np.linalg.inv(covariance) / config.beam**2),

@@ -17,10 +17,11 @@ from frontend.frames import transform
 from frontend.radiometry import Radiometry, RadiometryConfig, Seafloor
 from frontend.reconstruction import JointConfig, calibrate
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct, resample
+from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct
 from frontend.reconstruction.priors import PriorConfig
-from frontend.reconstruction.relief import ReliefConfig
+from frontend.reconstruction.roughness import RoughnessConfig
 from frontend.reconstruction.solver import SolverConfig
+from frontend.reconstruction.uncertainty import resample
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.windows import Window
@@ -149,7 +150,7 @@ def test_a_ramp_across_the_track_has_its_slope_where_long_waves_are_believed_in(
     # and one ramp is smooth: a belief that follows the window would take some of its slope back
     believing = JointConfig(
         prior=PriorConfig(longest=200.0),
-        relief=ReliefConfig(n_rounds=0),
+        roughness=RoughnessConfig(n_rounds=0),
         solver=SolverConfig(n_steps=6, n_products=20, improvement=1e-6),
     )
     seen = see(sound(tmp_path, lambda x, y: 0.06 * y + 0.0 * x), replace(radiometry, seafloor=ROUGH), believing)
@@ -166,7 +167,8 @@ def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
 
     recording = sound(tmp_path, groove)
     following, fixed = (
-        see(recording, radiometry, JointConfig(relief=ReliefConfig(n_rounds=n))) for n in (ReliefConfig().n_rounds, 0)
+        see(recording, radiometry, JointConfig(roughness=RoughnessConfig(n_rounds=n)))
+        for n in (RoughnessConfig().n_rounds, 0)
     )
     rms = [float(np.sqrt(np.mean(seen.error[seen.inside(28.0)] ** 2))) for seen in (following, fixed)]
     assert rms[0] < 0.1 * 3.2  # of its height

@@ -14,12 +14,12 @@ from frontend.radiometry import Seafloor
 from frontend.reconstruction.forward import Beams, Bins, Raster, render
 from frontend.reconstruction.posterior import Altimeter, Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior, relief_spectrum, wavenumbers
-from frontend.reconstruction.relief import Relief, ReliefConfig, believing, learn_relief
+from frontend.reconstruction.roughness import Roughness, RoughnessConfig, believing, learn_roughness
 from frontend.reconstruction.solver import SolverConfig
 from frontend.reconstruction.unknowns import from_cosine
 from tests.frontend.reconstruction.small_window import make_tables
 
-CONFIG, SOLVER = ReliefConfig(), SolverConfig()
+CONFIG, SOLVER = RoughnessConfig(), SolverConfig()
 RASTER = Raster(30, 32, 4.0, (-4.0, -60.0))  # 120 by 128 m
 FLOOR = Seafloor(roughness=0.01, reflectivity=0.1, length=8.0)
 
@@ -56,7 +56,7 @@ def seen(relief: FloatArray, looks: float = 6.0) -> Posterior:
 
 
 def learnt(relief: FloatArray) -> FloatArray:
-    return learn_relief(seen(relief), CONFIG, SOLVER).factor
+    return learn_roughness(seen(relief), CONFIG, SOLVER).factor
 
 
 def half_waves(wavelength: float, length: float) -> int:
@@ -66,21 +66,21 @@ def half_waves(wavelength: float, length: float) -> int:
 
 def test_a_window_that_tells_nothing_keeps_the_belief_of_the_dive() -> None:
     blind = seen(drawn(0.3), looks=0.0)
-    np.testing.assert_array_equal(learn_relief(blind, CONFIG, SOLVER).factor, 1.0)
+    np.testing.assert_array_equal(learn_roughness(blind, CONFIG, SOLVER).factor, 1.0)
 
 
 def test_without_a_round_the_belief_of_the_dive_stays() -> None:
     posterior = seen(drawn(0.3))
-    relief = learn_relief(posterior, ReliefConfig(n_rounds=0), SOLVER)
-    np.testing.assert_array_equal(believing(posterior, relief).prior.background, posterior.prior.background)
+    roughness = learn_roughness(posterior, RoughnessConfig(n_rounds=0), SOLVER)
+    np.testing.assert_array_equal(believing(posterior, roughness).prior.background, posterior.prior.background)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_floor_as_rough_as_believed_is_believed_so_still(seed: int) -> None:
     factor = learnt(drawn(FLOOR.roughness, seed))
-    # sums over 57 neighbours, a part of them told: a factor of two is more than two standard deviations
-    assert 0.5 <= np.median(factor) < 1.5
-    assert factor.max() < 2.5
+    # sums over 57 neighbours, a part of them told: a factor of two is more than two standard deviations; on the low
+    # side only the setting bounds it, for reflectivity explains a part of what relief shades
+    assert factor.max() < 2.0
 
 
 def test_a_rougher_floor_is_believed_rougher_where_it_is_told() -> None:
@@ -90,7 +90,7 @@ def test_a_rougher_floor_is_believed_rougher_where_it_is_told() -> None:
     )
     # 28 waves of three floors, half of them told: a standard deviation of a fifth; patches take a share, never add one
     assert 2.5 < rough < 15
-    assert 0.5 <= same < 1.5
+    assert 0.3 < same < 1.5
 
 
 def test_a_ripple_is_believed_in_where_its_wave_is_and_nowhere_else() -> None:
@@ -118,8 +118,8 @@ def test_a_boulder_or_two_roughen_no_floor() -> None:
 
 
 def test_factors_keep_their_bounds() -> None:
-    narrow = ReliefConfig(least=0.9, most=2.0)
-    factor = learn_relief(seen(drawn(1.0)), narrow, SOLVER).factor
+    narrow = RoughnessConfig(least=0.9, most=2.0)
+    factor = learn_roughness(seen(drawn(1.0)), narrow, SOLVER).factor
     assert factor.min() >= 0.9
     assert factor.max() == 2.0
 
@@ -127,7 +127,7 @@ def test_factors_keep_their_bounds() -> None:
 def test_looking_changes_no_argument_and_gives_the_same_again() -> None:
     posterior = seen(drawn(0.1))
     before = posterior.prior.background.copy()
-    first, again = (learn_relief(posterior, CONFIG, SOLVER).factor for _ in range(2))
+    first, again = (learn_roughness(posterior, CONFIG, SOLVER).factor for _ in range(2))
     np.testing.assert_array_equal(posterior.prior.background, before)
     assert posterior.prior.object_height == PriorConfig().object_height * RASTER.spacing
     assert first.tobytes() == again.tobytes()
@@ -135,15 +135,15 @@ def test_looking_changes_no_argument_and_gives_the_same_again() -> None:
 
 @given(st.integers(0, 2**32 - 1))
 def test_on_its_own_grid_a_belief_is_itself(seed: int) -> None:
-    relief = Relief(RASTER, np.exp(np.random.default_rng(seed).normal(0, 2, RASTER.shape)))
-    np.testing.assert_allclose(relief.on(RASTER), relief.factor, rtol=1e-12)
+    roughness = Roughness(RASTER, np.exp(np.random.default_rng(seed).normal(0, 2, RASTER.shape)))
+    np.testing.assert_allclose(roughness.on(RASTER), roughness.factor, rtol=1e-12)
 
 
 def test_a_wave_keeps_its_factor_on_a_finer_grid_and_shorter_ones_keep_the_belief() -> None:
     factor = np.ones(RASTER.shape)
     factor[10, 4] = 50.0
     fine = Raster(119, 130, 1.0, (-4.0, -60.0))  # a little shorter one way, a little longer the other
-    found = Relief(RASTER, factor).on(fine)
+    found = Roughness(RASTER, factor).on(fine)
     assert found.shape == fine.shape
     assert np.unravel_index(np.argmax(found), found.shape) == (10, 4)
     # a wave of 24 m lies a twelfth of a coefficient off: what linear interpolation of logarithms leaves
@@ -154,4 +154,4 @@ def test_a_wave_keeps_its_factor_on_a_finer_grid_and_shorter_ones_keep_the_belie
 @pytest.mark.parametrize("wrong", [{"n_rounds": -1}, {"least": 1.5}, {"most": 0.5}, {"width": 0.0}, {"evidence": 0.0}])
 def test_settings_out_of_range_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValidationError):
-        ReliefConfig.model_validate(wrong)
+        RoughnessConfig.model_validate(wrong)

@@ -15,7 +15,7 @@ from frontend.reconstruction.unknowns import to_cosine
 _NO_OBJECTS = 1e-3  # of their height: a coarse cell has no boulders, only relief that the waves are to explain
 
 
-class ReliefConfig(BaseModel):
+class RoughnessConfig(BaseModel):
     """How a window's belief in relief follows the window."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -38,7 +38,7 @@ class ReliefConfig(BaseModel):
 
 
 @dataclass(frozen=True)
-class Relief:
+class Roughness:
     """Power of a window's waves over what the dive lets expect.
 
     Parameters
@@ -71,14 +71,16 @@ class Relief:
         return np.asarray(np.exp(map_coordinates(np.log(self.factor), place, order=1, mode="constant", cval=0.0)))
 
 
-def learn_relief(posterior: Posterior, config: ReliefConfig, solver: SolverConfig, until: float = np.inf) -> Relief:
+def learn_roughness(
+    posterior: Posterior, config: RoughnessConfig, solver: SolverConfig, until: float = np.inf
+) -> Roughness:
     """How strong the waves of a window are, by empirical Bayes.
 
     Parameters
     ----------
     posterior : Posterior
         The window at its coarsest resolution, with the dive's belief.
-    config : ReliefConfig
+    config : RoughnessConfig
         How far to follow the window.
     solver : SolverConfig
         When a look ends.
@@ -87,7 +89,7 @@ def learn_relief(posterior: Posterior, config: ReliefConfig, solver: SolverConfi
 
     Returns
     -------
-    relief : Relief
+    roughness : Roughness
         Factors of one, had there been no look.
 
     Notes
@@ -104,22 +106,22 @@ def learn_relief(posterior: Posterior, config: ReliefConfig, solver: SolverConfi
     """
     prior = replace(posterior.prior, object_height=_NO_OBJECTS * posterior.prior.object_height)
     first = looking = replace(posterior, prior=prior)
-    relief, x = Relief(posterior.raster, np.ones(posterior.raster.shape)), posterior.origin()
+    roughness, x = Roughness(posterior.raster, np.ones(posterior.raster.shape)), posterior.origin()
     for _ in range(config.n_rounds):
         solution = minimise(looking, x, solver, until)
-        relief = Relief(posterior.raster, _power(looking, solution, prior.background, config))
-        looking, x = believing(first, relief), solution.x
-    return relief
+        roughness = Roughness(posterior.raster, _power(looking, solution, prior.background, config))
+        looking, x = believing(first, roughness), solution.x
+    return roughness
 
 
-def believing(posterior: Posterior, relief: Relief) -> Posterior:
+def believing(posterior: Posterior, roughness: Roughness) -> Posterior:
     """A posterior whose belief in relief is so many times that of the dive.
 
     Parameters
     ----------
     posterior : Posterior
         With the dive's belief, on any grid over the window.
-    relief : Relief
+    roughness : Roughness
         The factors.
 
     Returns
@@ -127,11 +129,11 @@ def believing(posterior: Posterior, relief: Relief) -> Posterior:
     posterior : Posterior
         The same with another prior.
     """
-    background = posterior.prior.background / relief.on(posterior.raster)
+    background = posterior.prior.background / roughness.on(posterior.raster)
     return replace(posterior, prior=replace(posterior.prior, background=background))
 
 
-def _power(posterior: Posterior, solution: Solution, precision: FloatArray, config: ReliefConfig) -> FloatArray:
+def _power(posterior: Posterior, solution: Solution, precision: FloatArray, config: RoughnessConfig) -> FloatArray:
     """Factors on the dive's variances; ``precision`` is the dive's."""
     squares = precision * to_cosine(solution.x.background) ** 2
     told = posterior.curvature(solution.x, solution.mu).background_gain
