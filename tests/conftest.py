@@ -1,4 +1,4 @@
-"""How far the property tests look: the same examples every time, or new ones (`pytest --hypothesis-profile=explore`)."""
+"""Property tests take the same examples every time, or new ones with `pytest --hypothesis-profile=explore`."""
 
 from hypothesis import settings
 
