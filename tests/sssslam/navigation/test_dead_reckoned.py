@@ -27,6 +27,13 @@ def test_positions_have_no_say_but_the_first(dive):
     np.testing.assert_array_equal(rebuilt[0].positions, rebuilt[1].positions)
 
 
+def test_fixes_of_a_receiver_judge_the_track_and_do_not_hold_it(dive):
+    series = {"time": np.zeros(1), "position_x": np.zeros(1), "position_y": np.zeros(1)}
+    recording = replace(dive(), sensors={"gnss": series, "depth": {"time": np.zeros(1), "depth": np.zeros(1)}})
+    assert set(rebuild_dead_reckoned(recording).sensors) == {"depth"}
+    assert set(recording.sensors) == {"gnss", "depth"}
+
+
 def test_a_heading_bias_moves_the_end_by_its_sine(dive):
     recording, bias = dive(), np.radians(2.0)
     track = recording.trajectory_dr
