@@ -1,9 +1,9 @@
-"""Refiners: alignment of two submaps' points by the registration of small_gicp or KISS-ICP.
+"""Refiners: alignment of two submaps' points by the registration of small_gicp, KISS-ICP or Open3D.
 
 A relief is a sheet: points slide along it, and point-to-point methods stand still. So the source is cropped to what the
 target covers and heights are exaggerated. All six parameters are found, and of them shift and yaw are kept.
 
-Open3D's ICP is not among them: its threads sum in any order, and the same input would not give the same bytes.
+Each runs on one thread: several sum in any order, and the same input would not give the same bytes.
 """
 
 from collections.abc import Callable
@@ -14,13 +14,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
 from frontend.frames import planar_parameters, planar_pose
+from frontend.open3d_loader import load_open3d
 from frontend.overlap import Layers, lay_over
 
 Planar = tuple[float, float, float]  # x, y [m] and yaw [rad]
-CloudRefinerName = Literal["small_gicp", "kiss_icp"]
+CloudRefinerName = Literal["small_gicp", "kiss_icp", "open3d_icp"]
 _Align = Callable[[FloatArray, FloatArray, FloatArray, "CloudConfig"], FloatArray]
 
 _LEAST_POINTS = 100  # of an overlap; fewer hold no shape, and none at all ends some of the libraries
+_NEIGHBOURS = 13  # that make a normal: the cells within two of a cell
+_NO_GAIN = 1e-9  # of fitness [1] and residual [m] that ends Open3D's steps
 
 
 class CloudConfig(BaseModel):
@@ -37,7 +40,7 @@ class CloudConfig(BaseModel):
         default=2.0, gt=0, description="Largest distance of two points that may be one [m]; starts are a cell off."
     )
     n_iterations: int = Field(
-        default=300, gt=0, description="Most iterations [1]; KISS-ICP creeps, small_gicp needs some ten."
+        default=300, gt=0, description="Most iterations [1]; KISS-ICP creeps, the others need some ten."
     )
     kernel: float = Field(
         default=0.5, gt=0, description="Distance [m] beyond which KISS-ICP trusts a pair of points less; half a cell."
@@ -56,7 +59,8 @@ def refine_by_clouds(
     T_target_source : ndarray, shape (4, 4)
         Where to start, about a cell from the truth.
     refiner : str
-        ``"small_gicp"`` (generalised ICP) or ``"kiss_icp"`` (point to point with a robust kernel).
+        ``"small_gicp"`` (generalised ICP), ``"kiss_icp"`` (point to point with a robust kernel) or ``"open3d_icp"``
+        (point to plane).
     config : CloudConfig
         Exaggeration and distances.
 
@@ -117,7 +121,24 @@ def _by_kiss_icp(target: FloatArray, source: FloatArray, T_start: FloatArray, co
     )
 
 
+def _by_open3d(target: FloatArray, source: FloatArray, T_start: FloatArray, config: CloudConfig) -> FloatArray:
+    o3d = load_open3d()
+    registration = o3d.pipelines.registration
+    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (target, source)]
+    n_threads = o3d.utility.get_max_threads()
+    o3d.utility.set_max_threads(1)
+    try:
+        clouds[0].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=config.reach, max_nn=_NEIGHBOURS))
+        method = registration.TransformationEstimationPointToPlane()
+        stop = registration.ICPConvergenceCriteria(_NO_GAIN, _NO_GAIN, config.n_iterations)
+        result = registration.registration_icp(clouds[1], clouds[0], config.reach, T_start, method, stop)
+    finally:
+        o3d.utility.set_max_threads(n_threads)
+    return np.asarray(result.transformation)
+
+
 _ALIGN: dict[CloudRefinerName, _Align] = {
     "small_gicp": _by_small_gicp,
     "kiss_icp": _by_kiss_icp,
+    "open3d_icp": _by_open3d,
 }

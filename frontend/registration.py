@@ -18,10 +18,10 @@ class RegistrationConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    refiner: Literal["relief", "small_gicp", "kiss_icp"] = Field(
+    refiner: Literal["relief", "small_gicp", "kiss_icp", "open3d_icp"] = Field(
         default="relief",
         description="What refines x, y, yaw: least squares over the reliefs; or, to compare, a library's registration "
-        "of their points, some ten times slower.",
+        "of their points on one thread: open3d_icp 4 times, kiss_icp 7 times, small_gicp 30 times as slow.",
     )
     clouds: CloudConfig = CloudConfig()
     n_iterations: int = Field(default=12, gt=0, description="Most Gauss-Newton steps [1]; a true place needs six.")

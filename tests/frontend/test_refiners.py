@@ -6,11 +6,12 @@ from scipy.spatial.transform import Rotation
 
 from frontend.frames import planar_pose
 from frontend.loop_closures import LoopClosureConfig
+from frontend.open3d_loader import load_open3d
 from frontend.refiners import CloudConfig, _level, refine_by_clouds
 from frontend.registration import RegistrationConfig, register
 from tests.frontend.test_registration import error_of, layers_of, two_passes
 
-REFINERS = ["relief", "small_gicp", "kiss_icp"]
+REFINERS = ["relief", "small_gicp", "kiss_icp", "open3d_icp"]
 RELATIVE = (6.0, -9.0, np.pi)
 START = planar_pose(6.5, -8.5, np.pi + np.radians(2))  # 0.7 m and 2 degrees off
 
@@ -55,5 +56,12 @@ def test_roll_and_pitch_turn_about_the_middle_of_the_overlap():
 
 
 def test_a_refiner_that_is_not_known_is_refused():
-    with pytest.raises(ValueError, match="'relief', 'small_gicp' or 'kiss_icp'"):
+    with pytest.raises(ValueError, match="'relief', 'small_gicp', 'kiss_icp' or 'open3d_icp'"):
         LoopClosureConfig.model_validate({"registration": {"refiner": "magic"}})
+
+
+def test_open3d_is_left_with_as_many_threads_as_it_had(passes):
+    o3d = load_open3d()
+    before = o3d.utility.get_max_threads()
+    refine_by_clouds(passes, START, "open3d_icp", CloudConfig())
+    assert o3d.utility.get_max_threads() == before
