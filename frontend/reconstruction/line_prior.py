@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import label, maximum_filter1d
 from scipy.sparse import block_diag, csr_array, diags_array, eye_array, vstack
 
 from frontend.arrays import BoolArray, FloatArray, IntArray
@@ -21,7 +22,9 @@ class LinePriorConfig(BaseModel):
         default=2.0, gt=0, description="Correlation length of slopes [m]; shorter relief is taken for speckle."
     )
     shadow_slope: float = Field(
-        default=4.0, ge=1, description="How much steeper it may be in and beside a shadow [1]; something cast it."
+        default=4.0,
+        ge=1,
+        description="How much steeper it may be in and beside a shadow of one cell [1]; less by the root of its cells.",
     )
     reflectivity: float = Field(
         default=0.15, gt=0, description="Standard deviation of log-reflectivity as amplitude [1]; half of intensity's."
@@ -97,7 +100,7 @@ def make_line_prior(
     prior : LinePrior
         Slopes on a line are a stationary Gauss-Markov process, so are reflectivities; the plane through other lines
         passes a cell within what such slopes allow over its distance; altitudes hold midway between the sides. In and
-        beside a shadow slopes are nearly free.
+        beside a shadow slopes are freer, so that its whole height may be so many times that of a usual step.
     """
     n_lines, n_cells = frames.shape
     on_line = _slope_rows(n_cells, frames.spacing, config)
@@ -176,11 +179,20 @@ def _slope_rows(n_cells: int, spacing: float, config: LinePriorConfig) -> csr_ar
 
 def _trust(is_shadow: BoolArray, config: LinePriorConfig) -> FloatArray:
     """Shape (L, C - 1): weight of what is believed of the slope beyond each cell, less if shadow lies about it."""
-    about = is_shadow.copy()
-    for shift in (1, 2):
-        about[:, shift:] |= is_shadow[:, :-shift]
-        about[:, :-shift] |= is_shadow[:, shift:]
-    return np.where(about[:, 1:] | about[:, :-1], 1.0 / config.shadow_slope, 1.0)
+    about = maximum_filter1d(_shadow_lengths(is_shadow), 5, axis=1, mode="constant")
+    length = np.maximum(np.maximum(about[:, 1:], about[:, :-1]), 1)
+    # one thing casts a shadow, however long: a walk of so many free slopes must not go farther than one
+    steeper = np.maximum(config.shadow_slope / np.sqrt(length), 1.0)
+    return np.where((about[:, 1:] > 0) | (about[:, :-1] > 0), 1.0 / steeper, 1.0)
+
+
+def _shadow_lengths(is_shadow: BoolArray) -> IntArray:
+    """Shape (L, C): cells of the shadow on its line that a cell lies in; 0 outside."""
+    on_a_line = np.array([[0, 0, 0], [1, 1, 1], [0, 0, 0]])
+    shadow, _ = label(is_shadow, structure=on_a_line)
+    cells = np.bincount(shadow.ravel())
+    cells[0] = 0
+    return np.asarray(cells[shadow])
 
 
 def _differences(cells: IntArray, offset: int, n: int) -> csr_array:
