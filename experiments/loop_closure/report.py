@@ -38,7 +38,8 @@ def write(files: Sequence[Path], out: Path) -> None:
     text = "\n\n".join(parts) + "\n"
     (out / "tables.md").write_text(text, encoding="utf-8")
     print(text)
-    figures.draw_curves({name: curve(group) for name, group in rows_of(reporting)}, out / "precision_recall.png")
+    told = [r for r in reporting if r["floor"] in INFORMATIVE]
+    figures.draw_curves({name: curve(group) for name, group in rows_of(told)}, out / "precision_recall.png")
 
 
 def by_probability(records: Sequence[Record]) -> list[Record]:
