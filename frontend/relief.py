@@ -171,32 +171,6 @@ def band_pass(values: FloatArray, weight: FloatArray, spacing: float, config: Re
     return np.asarray(np.where(weight > 0, values, 0.0))
 
 
-def coarsen(relief: Relief, spacing: float) -> Relief:
-    """Mean a relief over square blocks of cells.
-
-    Parameters
-    ----------
-    relief : Relief
-        Rasters of a submap.
-    spacing : float
-        Spacing wanted [m]; taken to the nearest whole number of cells, at least one.
-
-    Returns
-    -------
-    coarse : Relief
-        Weighted means of the blocks; a block trusts as much as its cells do on average.
-    """
-    n = max(round(spacing / relief.spacing), 1)
-    weight = block_means(relief.weight, n)
-    z, reflectivity, height, sigma = (
-        block_means(relief.weight * a, n) / np.maximum(weight, 1e-12)
-        for a in (relief.z, relief.reflectivity, relief.height, relief.sigma)
-    )
-    shift = (n - 1) / 2 * relief.spacing
-    origin = (relief.origin[0] + shift, relief.origin[1] + shift)
-    return Relief(z, weight, reflectivity, height, np.where(weight > 0, sigma, 1.0), n * relief.spacing, origin)
-
-
 def block_means(values: FloatArray, n: int) -> FloatArray:
     """Mean a raster over square blocks.
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frontend.relief import Relief, ReliefConfig, band_pass, coarsen, correlation_area, extract_relief
+from frontend.relief import Relief, ReliefConfig, band_pass, block_means, correlation_area, extract_relief
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
 
@@ -165,17 +165,10 @@ def test_flat_mud_has_less_information_than_rough_floor():
     assert low.information < 0.5  # what is left is the error itself
 
 
-def test_coarse_cells_are_the_weighted_means_of_their_blocks():
-    z = np.array([[1.0, 3.0, 5.0], [1.0, 3.0, 7.0]])
-    weight = np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 0.5]])
-    coarse = coarsen(raster(z, weight), 2.0)
-    assert coarse.z == pytest.approx(np.array([[5 / 3, (5 + 3.5) / 1.5]]))
-    assert coarse.weight == pytest.approx(np.array([[0.75, 1.5 / 4]]))
-    assert coarse.origin == (0.5, 0.5)
-    assert coarse.spacing == 2.0
-
-
-def test_coarsening_to_the_own_spacing_or_below_changes_nothing():
-    relief = extract_relief(rough_submap())
-    assert np.allclose(coarsen(relief, 0.3).z, relief.z, atol=1e-12)
-    assert coarsen(relief, 0.3).spacing == 1.0
+def test_block_means_fill_up_with_nothing():
+    values = np.arange(15.0).reshape(3, 5)
+    means = block_means(values, 2)
+    assert means.shape == (2, 3)
+    assert means[0].tolist() == [3.0, 5.0, (4 + 9) / 4]
+    assert means[1, 0] == (10 + 11) / 4
+    assert np.array_equal(block_means(values, 1), values)
