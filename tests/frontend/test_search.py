@@ -6,7 +6,8 @@ import pytest
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.priors import Prior
 from frontend.relief import extract_relief
-from frontend.search import SearchConfig, propose
+from frontend.search import SearchConfig, propose, search
+from frontend.turning import TurnedRelief
 from tests.frontend.seafloor_scenes import cut_submap, rippled_seafloor, rough_seafloor
 
 
@@ -77,3 +78,18 @@ def test_peaks_overlap_as_much_as_is_asked():
     # tracks 60 m apart share 40 of 100 m; 60 % want them 40 m apart at most
     assert all(abs(peak.T_target_source[1, 3]) < 43 for peak in few)
     assert any(abs(peak.T_target_source[1, 3]) > 50 for peak in many)
+
+
+def test_the_axes_that_partners_share_do_not_matter():
+    relative = (10.0, -15.0, 0.5)
+    target, source = reliefs(9, relative)
+    config, prior = SearchConfig(), prior_at(18.0, -9.0, 0.53)
+    for heading in (0.0, 1.1, -2.4):
+        turned = [
+            TurnedRelief(relief, yaw, config.yaw_step, config.search_spacing)
+            for relief, yaw in ((target, heading), (source, heading + 0.51))
+        ]
+        best = search(*turned, prior)[0]
+        x, y, yaw = planar_parameters(invert(planar_pose(*relative)) @ best.T_target_source)
+        assert np.hypot(x, y) < 2.9  # the diagonal of a search cell
+        assert abs(yaw) < 0.036
