@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from frontend.chance import expected_by_chance, joint_chance
+from frontend.chance import joint_chance
 from frontend.priors import Prior
 from frontend.verification import Verification
 
@@ -38,16 +38,17 @@ class AcceptanceConfig(BaseModel):
         default=0.2,
         gt=0,
         lt=1,
-        description="Least correlation of the heights [1]: below, even a sure one aligns badly.",
+        description="Least correlation of heights or reflectivities [1]: below, even a sure one aligns badly.",
     )
     max_chance: float = Field(
-        default=1e-5,
+        default=1e-4,
         gt=0,
         lt=1,
-        description="Largest chance that unrelated floors align as well inside the gate [1 a pair].",
+        description="Largest chance that unrelated floors align as well inside the gate [1 a pair]; the back end "
+        "asks for agreement on top.",
     )
     min_lead: float = Field(
-        default=1.5, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
+        default=1.0, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
     )
     min_lead_anywhere: float = Field(
         default=2.5,
@@ -109,9 +110,9 @@ def decide(verification: Verification, runner_up: float, prior: Prior, config: A
     broken = {
         Rejection.OUTSIDE_GATE: not prior.admits(v.T_target_source),
         Rejection.LITTLE_OVERLAP: v.overlap < config.min_overlap,
-        Rejection.LOW_CORRELATION: v.correlation < config.min_correlation,
+        Rejection.LOW_CORRELATION: max(v.correlation, v.reflectivity_correlation) < config.min_correlation,
         Rejection.BY_CHANCE: chance_of(v, prior) > config.max_chance,
-        Rejection.AMBIGUOUS: v.significance - runner_up < config.min_lead,
+        Rejection.AMBIGUOUS: v.level - runner_up < config.min_lead,
         Rejection.HEIGHTS_DISAGREE: not v.height_residual <= config.max_height_residual,
         Rejection.LOOSE: not max(v.sigmas[3], v.sigmas[4]) <= config.max_sigma,
     }
@@ -134,5 +135,5 @@ def chance_of(verification: Verification, prior: Prior) -> float:
         A probability where it is small.
     """
     v = verification
-    by_shape = expected_by_chance(v.significance, v.overlap_area, v.correlation_area, prior)
-    return joint_chance(by_shape, v.reflectivity_significance)
+    areas = (v.overlap_area, v.correlation_area, v.reflectivity_area)
+    return joint_chance(v.significance, v.reflectivity_significance, areas, prior)

@@ -1,7 +1,6 @@
 """Chance: how well unrelated seafloors correlate, and how often as well as a given pair."""
 
 import numpy as np
-from scipy.special import ndtr
 
 from frontend.arrays import FloatArray
 from frontend.priors import Prior
@@ -26,6 +25,24 @@ def significance(correlation: FloatArray, overlap_area: FloatArray, correlation_
     """
     n = np.asarray(overlap_area) / correlation_area
     return np.asarray(np.arctanh(np.clip(correlation, -0.999999, 0.999999)) * np.sqrt(np.maximum(n - 3.0, 0.0)))
+
+
+def pooled(by_shape: FloatArray, by_echo: FloatArray) -> FloatArray:
+    """Significance of two witnesses, of which the second may have nothing to say.
+
+    Parameters
+    ----------
+    by_shape, by_echo : ndarray, shape (...)
+        Significance of the reliefs' correlation and of the reflectivities' [standard deviations].
+
+    Returns
+    -------
+    significance : ndarray, shape (...)
+        The larger of ``by_shape`` and ``(by_shape + by_echo) / sqrt(2)``, both of unit variance by chance. A
+        reflectivity that contradicts is not held against the relief: slopes leak into it, with another sign from
+        another heading.
+    """
+    return np.asarray(np.maximum(by_shape, (by_shape + by_echo) / np.sqrt(2)))
 
 
 def expected_by_chance(significance: float, overlap_area: float, correlation_area: float, prior: Prior) -> float:
@@ -59,20 +76,24 @@ def expected_by_chance(significance: float, overlap_area: float, correlation_are
     return float(volume * density * (level**2 - 1) * np.exp(-(level**2) / 2))
 
 
-def joint_chance(first: float, second_significance: float) -> float:
-    """Chance that two independent witnesses agree as well as they do (Fisher's method).
+def joint_chance(by_shape: float, by_echo: float, areas: tuple[float, float, float], prior: Prior) -> float:
+    """Expected number of alignments inside a gate at which unrelated floors are as significant by either of two sums.
 
     Parameters
     ----------
-    first : float
-        Chance of the first witness [1].
-    second_significance : float
-        Significance of the second at the place that the first has chosen [standard deviations].
+    by_shape, by_echo : float
+        Significance of the reliefs' correlation and of the reflectivities' [standard deviations].
+    areas : tuple of float
+        Area compared, and how much of it tells one independent thing of relief and of reflectivity [m^2].
+    prior : Prior
+        The gate that was searched.
 
     Returns
     -------
-    chance : float
-        ``x (1 - ln x)`` with x the product of both chances, at most 1.
+    expected : float
+        A probability where it is small: that of `pooled`, which has two tries.
     """
-    product = min(first, 1.0) * float(ndtr(-second_significance))
-    return product * (1 - np.log(product)) if product > 0 else 0.0
+    overlap, area, area_r = areas
+    alone = expected_by_chance(by_shape, overlap, area, prior)
+    both = expected_by_chance((by_shape + by_echo) / np.sqrt(2), overlap, float(np.sqrt(area * area_r)), prior)
+    return 2 * min(alone, both)

@@ -9,18 +9,16 @@ from pydantic import BaseModel, ConfigDict
 from frontend.acceptance import AcceptanceConfig, Rejection, decide
 from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray, IntArray
+from frontend.comparison import Place, Places, with_drift
 from frontend.features import Features
-from frontend.frames import planar_parameters
 from frontend.matching import MatchingConfig, agreeing, find_consensus, mutual_matches
-from frontend.overlap import Layers, stack_layers
 from frontend.pairs import PairConfig, PriorCovariance, pairs_to_compare, predicted_transform
 from frontend.priors import Prior
 from frontend.registration import RegistrationConfig
-from frontend.relief import ReliefConfig, extract_relief
+from frontend.relief import ReliefConfig
 from frontend.search import SearchConfig, search
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
-from frontend.turning import TurnedRelief
 from frontend.verification import Preview, Verification, preview, verify
 
 
@@ -77,16 +75,6 @@ class LoopClosureConfig(BaseModel):
 
 
 _COARSER = 2.0  # steps of the yaw over a whole circle: half as many, and alignment still finds its way from between
-
-
-@dataclass(frozen=True)
-class _Place:
-    """What comparing a submap needs, made once."""
-
-    number: int
-    layers: Layers
-    turned: TurnedRelief
-    features: Features
 
 
 @dataclass(frozen=True)
@@ -163,17 +151,21 @@ def compare_pairs(
     if len(features) != len(submaps):
         raise ValueError(f"every submap needs its features, got {len(features)} for {len(submaps)} submaps")
     config = config or LoopClosureConfig()
-    places = {i: _place(submaps[i], features[i], config) for i in sorted({i for pair in pairs for i in pair})}
+    places = Places(submaps, config.relief, config.search)
     for target, source in pairs:
         T_dr = predicted_transform(submaps[target], submaps[source])
         prior = Prior(T_dr, prior_covariance(target, source), config.pairs.gate)
-        yield _compare(places[target], places[source], prior, config)
+        pair = _Pair(
+            (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
+        )
+        yield _compare(pair, prior, config)
 
 
 def recognise_pairs(
     pairs: Sequence[tuple[int, int]],
     submaps: Sequence[Submap],
     features: Sequence[Features],
+    prior_covariance: PriorCovariance,
     config: LoopClosureConfig | None = None,
 ) -> Iterator[LoopClosure]:
     """Compare pairs as if nothing were known of where and at which heading they meet, and accept with more care.
@@ -184,6 +176,8 @@ def recognise_pairs(
         Positions in ``submaps``, target before source, as from `frontend.pairs.Partners.anywhere`.
     submaps, features : sequence
         The submaps and their features. The chance that each pair may have is shared among all of them.
+    prior_covariance : callable
+        As in `find_loop_closures`; says how surely a submap and its surroundings hang together.
     config : LoopClosureConfig, optional
         Gates and thresholds.
 
@@ -195,49 +189,55 @@ def recognise_pairs(
     config = config or LoopClosureConfig()
     wide = config.search.model_copy(update={"yaw_step": _COARSER * config.search.yaw_step})
     config = config.model_copy(update={"acceptance": config.acceptance.anywhere(len(submaps)), "search": wide})
-    places = {i: _place(submaps[i], features[i], config) for i in sorted({i for pair in pairs for i in pair})}
+    places = Places(submaps, config.relief, config.search)
     for target, source in pairs:
-        reliefs = (places[target].layers.relief, places[source].layers.relief)
+        pair = _Pair(
+            (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
+        )
+        reliefs = [side.layers.relief for side in pair.sides]
         if not min(relief.area for relief in reliefs):
-            closure = _row(places[target], places[source], 0, None, Rejection.FLAT)
+            closure = _row(pair, 0, None, Rejection.FLAT)
         else:
-            prior = anywhere(*reliefs, config.pairs.gate)
-            closure = _compare(places[target], places[source], prior, config)
+            closure = _compare(pair, anywhere(reliefs[0], reliefs[1], config.pairs.gate), config)
         yield replace(closure, is_from_appearance=True)
 
 
-def _place(submap: Submap, features: Features, config: LoopClosureConfig) -> _Place:
-    """Prepare a submap for comparing."""
-    relief, heading = extract_relief(submap, config.relief), planar_parameters(submap.T_world_submap_dr)[2]
-    turned = TurnedRelief(relief, heading, config.search.yaw_step, config.search.search_spacing)
-    return _Place(submap.number, stack_layers(relief), turned, features)
+@dataclass(frozen=True)
+class _Pair:
+    """Two positions, what is compared there, and how sure dead reckoning is between submaps."""
+
+    positions: tuple[int, int]
+    sides: tuple[Place, Place]
+    features: tuple[Features, Features]
+    covariance: PriorCovariance
 
 
-def _compare(target: _Place, source: _Place, prior: Prior, config: LoopClosureConfig) -> LoopClosure:
+def _compare(pair: _Pair, prior: Prior, config: LoopClosureConfig) -> LoopClosure:
     """Propose, verify and decide on one pair."""
-    matches = mutual_matches(target.features, source.features)
+    target, source = pair.sides
+    matches = mutual_matches(*pair.features)
     least = min(place.layers.relief.information for place in (target, source))
     if least < config.acceptance.min_information:
-        return _row(target, source, len(matches), None, Rejection.FLAT)
-    starts = _proposals(target, source, matches, prior, config)
+        return _row(pair, len(matches), None, Rejection.FLAT)
+    starts = _proposals(pair, matches, prior, config)
     previews = [preview(target.layers, source.layers, T, config.registration) for T in starts]
     if not previews:
-        return _row(target, source, len(matches), None, Rejection.NO_ALIGNMENT)
+        return _row(pair, len(matches), None, Rejection.NO_ALIGNMENT)
     inside = [p for p in previews if prior.admits(p.T_target_source)]
     first = max(inside or previews, key=lambda p: p.significance)
     best = verify(target.layers, source.layers, first.T_target_source, config.registration)
+    best = with_drift(best, pair.sides, pair.positions, pair.covariance)
     others = [p.significance for p in previews if _is_elsewhere(p, best, config.search.separation)]
     rejection = decide(best, max(others, default=0.0), prior, config.acceptance)
-    p, q = target.features.keypoints[matches[:, 0]], source.features.keypoints[matches[:, 1]]
+    p, q = (features.keypoints[matches[:, k]] for k, features in enumerate(pair.features))
     n_inliers = int(agreeing(p, q, best.T_target_source, config.matching).sum())
-    return _row(target, source, len(matches), _Alignment(best, n_inliers), rejection)
+    return _row(pair, len(matches), _Alignment(best, n_inliers), rejection)
 
 
-def _proposals(
-    target: _Place, source: _Place, matches: IntArray, prior: Prior, config: LoopClosureConfig
-) -> list[FloatArray]:
+def _proposals(pair: _Pair, matches: IntArray, prior: Prior, config: LoopClosureConfig) -> list[FloatArray]:
     """Transforms that features or correlation propose."""
-    candidates = find_consensus(target.features, source.features, matches, prior, config.matching)
+    candidates = find_consensus(*pair.features, matches, prior, config.matching)
+    target, source = pair.sides
     peaks = search(target.turned, source.turned, prior, config.search)
     return [candidate.T_target_source for candidate in candidates] + [peak.T_target_source for peak in peaks]
 
@@ -248,14 +248,12 @@ def _is_elsewhere(a: Preview, b: Verification, separation: float) -> bool:
     return float(np.hypot(*shift)) > separation
 
 
-def _row(
-    target: _Place, source: _Place, n_matches: int, alignment: _Alignment | None, rejection: Rejection | None
-) -> LoopClosure:
+def _row(pair: _Pair, n_matches: int, alignment: _Alignment | None, rejection: Rejection | None) -> LoopClosure:
     """The record of one comparison."""
     v = alignment.verification if alignment else None
     return LoopClosure(
-        target=target.number,
-        source=source.number,
+        target=pair.sides[0].number,
+        source=pair.sides[1].number,
         T_target_source=v.T_target_source if v else np.full((4, 4), np.nan),
         sigmas=v.sigmas if v else np.full(6, np.nan),
         n_matches=n_matches,

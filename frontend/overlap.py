@@ -61,6 +61,12 @@ class Overlap:
         """Weighted correlation of the two reflectivities [1]; 0 where nothing varies."""
         return weighted_correlation(self.reflectivity_source, self.reflectivity_target, self.weight)
 
+    @property
+    def middle(self) -> FloatArray:
+        """Shape (2,): weighted mean position in the source frame [m]; its origin where nothing overlaps."""
+        total = float(self.weight.sum())
+        return np.array([np.sum(self.weight * a) for a in (self.x, self.y)]) / total if total > 0 else np.zeros(2)
+
 
 @dataclass(frozen=True)
 class Layers:
@@ -89,6 +95,16 @@ class Layers:
     def shape_cells(self) -> FloatArray:
         """Shape (K, 6): x, y, weight, relief and its slopes of the trusted cells."""
         return np.ascontiguousarray(self.cells[:, :6])
+
+    @cached_property
+    def witnesses(self) -> FloatArray:
+        """Shape (n_y, n_x, 3): weight, relief and reflectivity."""
+        return np.ascontiguousarray(self.rasters[..., [0, 1, 6]])
+
+    @cached_property
+    def witness_cells(self) -> FloatArray:
+        """Shape (K, 5): x, y, weight, relief and reflectivity of the trusted cells."""
+        return np.ascontiguousarray(self.cells[:, [0, 1, 2, 3, 8]])
 
     @cached_property
     def thinned_cells(self) -> FloatArray:
@@ -157,8 +173,8 @@ def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float])
     )
 
 
-def correlate_at(target: Layers, source: Layers, planar: tuple[float, float, float]) -> tuple[float, float]:
-    """Correlation of two reliefs at a transform, and nothing else of `lay_over`.
+def correlate_at(target: Layers, source: Layers, planar: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Correlation of two reliefs and of their reflectivities at a transform, and nothing else of `lay_over`.
 
     Parameters
     ----------
@@ -169,14 +185,16 @@ def correlate_at(target: Layers, source: Layers, planar: tuple[float, float, flo
 
     Returns
     -------
-    correlation, area : float
-        Of the overlap [1], [m^2].
+    by_shape, by_echo, area : float
+        Both correlations [1] and the area [m^2] of the overlap.
     """
     frame = (*target.relief.origin, target.relief.spacing)
-    sampled = sample_rasters(target.shape, source.shape_cells, frame, planar)
+    sampled = sample_rasters(target.witnesses, source.witness_cells, frame, planar)
     both = sampled[:, 0] > 0
-    a, b = sampled[both], source.shape_cells[both]
-    return weighted_correlation(b[:, 3], a[:, 1], a[:, 0] * b[:, 2]), len(b) * source.relief.spacing**2
+    a, b = sampled[both], source.witness_cells[both]
+    weight = a[:, 0] * b[:, 2]
+    by_shape, by_echo = (weighted_correlation(b[:, k + 2], a[:, k], weight) for k in (1, 2))
+    return by_shape, by_echo, len(b) * source.relief.spacing**2
 
 
 def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Search: where inside the gate of a prior two reliefs correlate."""
+"""Search: where inside the gate of a prior two submaps correlate, by relief or by relief and reflectivity."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import FloatArray
-from frontend.chance import significance
+from frontend.chance import pooled, significance
 from frontend.correlation import Shifts, common_size, correlate
 from frontend.frames import planar_pose, wrap_angle
 from frontend.priors import Prior
 from frontend.relief import Relief
 from frontend.turning import Turned, TurnedRelief
-from frontend.verification import joint_area
+from frontend.verification import joint_area, joint_reflectivity_area
 
 
 class SearchConfig(BaseModel):
@@ -98,13 +98,14 @@ def search(target: TurnedRelief, source: TurnedRelief, prior: Prior, config: Sea
     R = planar_pose(0.0, 0.0, target.yaw(0))[:2, :2]  # to the axes of the target's turned copy: shifts are along these
     box = _gate_box(prior, R)
     found = np.concatenate(
-        [np.empty((0, 5)), *(_found(target, source, k, box, least) for k in _steps(target, source, prior))]
+        [np.empty((0, 6)), *(_found(target, source, k, box, least) for k in _steps(target, source, prior))]
     )
-    found[:, 2:4] = found[:, 2:4] @ R
-    found[:, 4] = _held(found[:, 4] - target.yaw(0), prior)
-    found = found[prior.squared_distance(*found[:, 2:].T) <= prior.limit]
-    level = significance(found[:, 0], found[:, 1], joint_area(target.relief, source.relief))
-    return _peaks(np.column_stack([level, found]), config)
+    found[:, 3:5] = found[:, 3:5] @ R
+    found[:, 5] = _held(found[:, 5] - target.yaw(0), prior)
+    found = found[prior.squared_distance(*found[:, 3:].T) <= prior.limit]
+    areas = [area(target.relief, source.relief) for area in (joint_area, joint_reflectivity_area)]
+    by_shape, by_echo = (significance(found[:, k], found[:, 2], areas[k]) for k in (0, 1))
+    return _peaks(np.column_stack([pooled(by_shape, by_echo), found[:, [0, 2, 3, 4, 5]]]), config)
 
 
 def _steps(target: TurnedRelief, source: TurnedRelief, prior: Prior) -> range:
@@ -135,18 +136,20 @@ def _gate_box(prior: Prior, R: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _found(
     target: TurnedRelief, source: TurnedRelief, k: int, box: tuple[FloatArray, FloatArray], least: float
 ) -> FloatArray:
-    """Correlation, overlap [m^2], x, y [m] and yaw of the source along the target's axes, shape (S, 5)."""
+    """Both correlations, overlap [m^2], x, y [m] and yaw of the source along the target's axes, shape (S, 6)."""
     a, b = target.at(0), source.at(k)
     shifts = _shifts(a, b, *box)
     if shifts is None:
-        return np.empty((0, 5))
+        return np.empty((0, 6))
     rows, columns = (common_size(n) for n in shifts.needs(a.shape, b.shape))
-    surface = correlate(target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns)), shifts)
+    (a_z, a_r), (b_z, b_r) = target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns))
+    surface, by_echo = correlate(a_z, b_z, shifts), correlate(a_r, b_r, shifts)
     area = surface.overlap * a.spacing**2
     i, j = np.nonzero(area >= least)
     x = a.origin[0] - b.origin[0] + a.spacing * surface.shift_x[j]
     y = a.origin[1] - b.origin[1] + a.spacing * surface.shift_y[i]
-    return np.column_stack([surface.correlation[i, j], area[i, j], x, y, np.full(len(i), source.yaw(k))])
+    correlations = (surface.correlation[i, j], by_echo.correlation[i, j])
+    return np.column_stack([*correlations, area[i, j], x, y, np.full(len(i), source.yaw(k))])
 
 
 def _shifts(target: Turned, source: Turned, low: FloatArray, high: FloatArray) -> Shifts | None:

@@ -1,6 +1,6 @@
 """Surroundings: a submap's relief with what its neighbours along the track add; more floor tells more of the place."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,15 +68,15 @@ def meeting_ping(target: Submap, source: Submap) -> int:
     return (target.end_ping + source.first_ping) // 2
 
 
-def lay_beside(submaps: Sequence[Submap], reliefs: Sequence[Relief], position: int, members: range) -> Relief:
+def lay_beside(submaps: Sequence[Submap], reliefs: Mapping[int, Relief], position: int, members: range) -> Relief:
     """Lay the reliefs of neighbours beside that of a submap, by dead reckoning.
 
     Parameters
     ----------
     submaps : sequence of Submap
         The submaps of a dive.
-    reliefs : sequence of Relief
-        Theirs, in the same order, on grids of one spacing.
+    reliefs : mapping of int to Relief
+        Theirs by position, on grids of one spacing.
     position : int
         The submap in whose frame the result is.
     members : range

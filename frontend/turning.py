@@ -21,8 +21,8 @@ class Turned:
 
     Parameters
     ----------
-    z, weight : ndarray, shape (n_y, n_x)
-        Relief [m] and trust [1].
+    z, reflectivity, weight : ndarray, shape (n_y, n_x)
+        Relief [m], log-reflectivity and trust [1].
     origin : tuple of float
         x and y of the first cell along the new axes [m].
     spacing : float
@@ -30,6 +30,7 @@ class Turned:
     """
 
     z: FloatArray
+    reflectivity: FloatArray
     weight: FloatArray
     origin: tuple[float, float]
     spacing: float
@@ -59,13 +60,14 @@ def turn(relief: Relief, yaw: float, spacing: float) -> Turned:
     """
     n = max(round(spacing / relief.spacing), 1)
     grid = _grid_about(relief, yaw)
-    rasters = np.stack([relief.weight, relief.z], axis=-1)
+    rasters = np.stack([relief.weight, relief.z, relief.reflectivity], axis=-1)
     samples = sample_rasters(rasters, grid.reshape(-1, 2), (*relief.origin, relief.spacing), (0.0, 0.0, -yaw))
-    weight, z = samples.reshape(grid.shape).transpose(2, 0, 1)
+    weight, z, reflectivity = np.ascontiguousarray(samples.T).reshape(3, *grid.shape[:2])
     coarse = block_means(weight, n)
+    z, reflectivity = (block_means(weight * a, n) / np.maximum(coarse, 1e-12) for a in (z, reflectivity))
     shift = (n - 1) / 2 * relief.spacing
     origin = (float(grid[0, 0, 0]) + shift, float(grid[0, 0, 1]) + shift)
-    return Turned(block_means(weight * z, n) / np.maximum(coarse, 1e-12), coarse, origin, n * relief.spacing)
+    return Turned(z, reflectivity, coarse, origin, n * relief.spacing)
 
 
 class TurnedRelief:
@@ -89,7 +91,7 @@ class TurnedRelief:
         self._heading = heading
         self._spacing = spacing
         self._turned: dict[int, Turned] = {}
-        self._spectra: dict[tuple[int, tuple[int, int]], Spectra] = {}
+        self._spectra: dict[tuple[int, tuple[int, int]], tuple[Spectra, Spectra]] = {}
 
     def yaw(self, k: int) -> float:
         """Angle of the submap's x axis from the shared axes after so many steps.
@@ -123,7 +125,7 @@ class TurnedRelief:
             _keep(self._turned, k, turn(self.relief, self.yaw(k), self._spacing))
         return self._turned[k]
 
-    def spectra(self, k: int, padded: tuple[int, int]) -> Spectra:
+    def spectra(self, k: int, padded: tuple[int, int]) -> tuple[Spectra, Spectra]:
         """Fourier transforms of the copy after so many steps.
 
         Parameters
@@ -135,12 +137,13 @@ class TurnedRelief:
 
         Returns
         -------
-        spectra : Spectra
+        relief, reflectivity : Spectra
             What `frontend.correlation.correlate` needs.
         """
         if (k, padded) not in self._spectra:
             turned = self.at(k)
-            _keep(self._spectra, (k, padded), spectra(turned.z, turned.weight, padded))
+            both = (spectra(a, turned.weight, padded) for a in (turned.z, turned.reflectivity))
+            _keep(self._spectra, (k, padded), (next(both), next(both)))
         return self._spectra[k, padded]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frontend.arrays import FloatArray
-from frontend.chance import significance
+from frontend.chance import pooled, significance
 from frontend.frames import planar_parameters
 from frontend.overlap import Layers, correlate_at
 from frontend.registration import RegistrationConfig, align_roughly, register
@@ -28,12 +28,14 @@ class Verification:
         The same of the reflectivities, a second witness.
     overlap : float
         Share of the smaller submap that the other covers [1].
-    overlap_area, correlation_area : float
-        Area compared, and how much of it tells one independent thing [m^2].
+    overlap_area, correlation_area, reflectivity_area : float
+        Area compared, and how much of it tells one independent thing of relief and of reflectivity [m^2].
     height_residual : float
         Root-mean-square height difference after offset and tilt [its standard deviations].
     tilt : float
         Slope left between the two surfaces [1].
+    middle : ndarray, shape (2,)
+        Middle of the overlap in the source's frame [m].
     """
 
     T_target_source: FloatArray
@@ -45,8 +47,15 @@ class Verification:
     overlap: float
     overlap_area: float
     correlation_area: float
+    reflectivity_area: float
     height_residual: float
     tilt: float
+    middle: FloatArray
+
+    @property
+    def level(self) -> float:
+        """Significance of both witnesses together [standard deviations above chance]."""
+        return float(pooled(np.array(self.significance), np.array(self.reflectivity_significance)))
 
 
 def verify(
@@ -71,7 +80,7 @@ def verify(
     registration = register(target, source, T_target_source, config)
     overlap = registration.overlap
     area = joint_area(target.relief, source.relief)
-    area_r = float(np.sqrt(target.relief.reflectivity_correlation_area * source.relief.reflectivity_correlation_area))
+    area_r = joint_reflectivity_area(target.relief, source.relief)
     return Verification(
         T_target_source=registration.T_target_source,
         sigmas=registration.sigmas,
@@ -82,8 +91,10 @@ def verify(
         overlap=overlap.share,
         overlap_area=overlap.area,
         correlation_area=area,
+        reflectivity_area=area_r,
         height_residual=registration.height_residual,
         tilt=float(np.hypot(*registration.tilt)),
+        middle=overlap.middle,
     )
 
 
@@ -96,7 +107,7 @@ class Preview:
     T_target_source : ndarray, shape (4, 4)
         Where it came to rest.
     significance : float
-        Of the reliefs' correlation there [standard deviations above chance].
+        Of the correlations there, of relief or of both witnesses [standard deviations above chance].
     """
 
     T_target_source: FloatArray
@@ -123,8 +134,10 @@ def preview(
         The alignment by part of the cells, judged by all of them.
     """
     T = align_roughly(target, source, T_target_source, config)
-    correlation, area = correlate_at(target, source, planar_parameters(T))
-    return Preview(T, _significance(correlation, area, joint_area(target.relief, source.relief)))
+    correlation, correlation_r, area = correlate_at(target, source, planar_parameters(T))
+    by_shape = _significance(correlation, area, joint_area(target.relief, source.relief))
+    by_echo = _significance(correlation_r, area, joint_reflectivity_area(target.relief, source.relief))
+    return Preview(T, float(pooled(np.array(by_shape), np.array(by_echo))))
 
 
 def joint_area(target: Relief, source: Relief) -> float:
@@ -142,6 +155,22 @@ def joint_area(target: Relief, source: Relief) -> float:
         autocorrelations (Cauchy-Schwarz).
     """
     return float(np.sqrt(target.correlation_area * source.correlation_area))
+
+
+def joint_reflectivity_area(target: Relief, source: Relief) -> float:
+    """Floor that tells one independent thing about two reflectivities together.
+
+    Parameters
+    ----------
+    target, source : Relief
+        The two submaps.
+
+    Returns
+    -------
+    area : float
+        As `joint_area` of the reliefs [m^2].
+    """
+    return float(np.sqrt(target.reflectivity_correlation_area * source.reflectivity_correlation_area))
 
 
 def _significance(correlation: float, overlap_area: float, correlation_area: float) -> float:

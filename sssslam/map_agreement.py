@@ -6,15 +6,15 @@ import numpy as np
 
 from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray
-from frontend.chance import expected_by_chance, joint_chance, significance
+from frontend.chance import joint_chance, significance
+from frontend.comparison import Places
 from frontend.frames import invert, planar_parameters
 from frontend.loop_closures import LoopClosure, LoopClosureConfig
-from frontend.overlap import Layers, lay_over, stack_layers
+from frontend.overlap import Layers, lay_over
 from frontend.pairs import PriorCovariance, predicted_transform
 from frontend.priors import Prior
-from frontend.relief import extract_relief
 from frontend.submaps import Submap
-from frontend.verification import joint_area
+from frontend.verification import joint_area, joint_reflectivity_area
 
 
 class MapAgreement:
@@ -31,7 +31,7 @@ class MapAgreement:
     def __init__(self, submaps: Sequence[Submap], config: LoopClosureConfig) -> None:
         self._submaps = submaps
         self._config = config
-        self._layers: dict[int, Layers] = {}
+        self._places = Places(submaps, config.relief, config.search)
 
     def __call__(self, target: int, source: int, T_target_source: FloatArray) -> float:
         """Significance of the heights' correlation at a relative pose of two bodies.
@@ -50,7 +50,7 @@ class MapAgreement:
         """
         a, b = self._submaps[target], self._submaps[source]
         T_levels = a.T_submap_body @ T_target_source @ invert(b.T_submap_body)
-        layers = self._of(target), self._of(source)
+        layers = self._of(target, source)
         overlap = lay_over(*layers, planar_parameters(T_levels))
         if overlap.share < self._config.acceptance.min_overlap:
             return float("nan")
@@ -72,9 +72,9 @@ class MapAgreement:
         chance : float
             A probability where it is small.
         """
-        target, source = self._of(closure.target), self._of(closure.source)
+        target, source = self._of(closure.target, closure.source)
         overlap = lay_over(target, source, planar_parameters(closure.T_target_source))
-        area, area_r = joint_area(target.relief, source.relief), _reflectivity_area(target, source)
+        area, area_r = joint_area(target.relief, source.relief), joint_reflectivity_area(target.relief, source.relief)
         by_shape = float(significance(np.array(overlap.correlation), np.array(overlap.area), area))
         by_echo = float(significance(np.array(overlap.reflectivity_correlation), np.array(overlap.area), area_r))
         if closure.is_from_appearance:
@@ -82,15 +82,9 @@ class MapAgreement:
         else:
             T_dr = predicted_transform(self._submaps[closure.target], self._submaps[closure.source])
             prior, n_places = Prior(T_dr, covariance(closure.target, closure.source), self._config.pairs.gate), 1
-        return n_places * joint_chance(expected_by_chance(by_shape, overlap.area, area, prior), by_echo)
+        return n_places * joint_chance(by_shape, by_echo, (overlap.area, area, area_r), prior)
 
-    def _of(self, submap: int) -> Layers:
-        """Rasters of a submap."""
-        if submap not in self._layers:
-            self._layers[submap] = stack_layers(extract_relief(self._submaps[submap], self._config.relief))
-        return self._layers[submap]
-
-
-def _reflectivity_area(target: Layers, source: Layers) -> float:
-    """Floor that tells one independent thing about two reflectivities together."""
-    return float(np.sqrt(target.relief.reflectivity_correlation_area * source.relief.reflectivity_correlation_area))
+    def _of(self, target: int, source: int) -> tuple[Layers, Layers]:
+        """Rasters of two submaps with their surroundings, as the front end compared them."""
+        a, b = self._places.sides(min(target, source), max(target, source))
+        return (a.layers, b.layers) if target <= source else (b.layers, a.layers)

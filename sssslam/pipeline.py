@@ -217,7 +217,7 @@ class Slam:
         in_gate = [(int(target), k) for found, k in partners for target in found.in_gate]
         anywhere = [(int(target), k) for found, k in partners for target in found.anywhere]
         self._candidates.extend(compare_pairs(in_gate, *known, prior, settings))
-        self._candidates.extend(recognise_pairs(anywhere, *known, settings))
+        self._candidates.extend(recognise_pairs(anywhere, *known, prior, settings))
         self._solution = solve_graph(self.submaps, self._candidates, reckoning, self.config)
         self.loop_closures = decided(self._candidates, self._solution)
 

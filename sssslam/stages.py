@@ -164,7 +164,7 @@ def close_loops(
     in_gate, anywhere = all_pairs(submaps, features, trajectory_dr, prior, config.loop_closures.pairs)
     compared = chain(
         compare_pairs(in_gate, submaps, features, prior, config.loop_closures),
-        recognise_pairs(anywhere, submaps, features, config.loop_closures),
+        recognise_pairs(anywhere, submaps, features, prior, config.loop_closures),
     )
     return [next(compared) for _ in watch.track("loop closures", [*in_gate, *anywhere])]
 

@@ -20,8 +20,10 @@ GOOD = Verification(
     overlap=0.5,
     overlap_area=4000.0,
     correlation_area=10.0,
+    reflectivity_area=15.0,
     height_residual=1.2,
     tilt=0.01,
+    middle=np.zeros(2),
 )
 
 
@@ -35,9 +37,9 @@ def test_a_good_alignment_is_accepted():
         ({"T_target_source": planar_pose(40.0, 0.0, 0.0)}, 3.0, Rejection.OUTSIDE_GATE),
         ({"T_target_source": planar_pose(0.0, 0.0, 0.5)}, 3.0, Rejection.OUTSIDE_GATE),
         ({"overlap": 0.2}, 3.0, Rejection.LITTLE_OVERLAP),
-        ({"correlation": 0.15}, 3.0, Rejection.LOW_CORRELATION),
+        ({"correlation": 0.15, "reflectivity_correlation": 0.15}, 3.0, Rejection.LOW_CORRELATION),
         ({"significance": 4.5}, 2.0, Rejection.BY_CHANCE),
-        ({}, 8.0, Rejection.AMBIGUOUS),
+        ({}, 8.5, Rejection.AMBIGUOUS),
         ({"height_residual": 9.0}, 3.0, Rejection.HEIGHTS_DISAGREE),
         ({"height_residual": float("nan")}, 3.0, Rejection.HEIGHTS_DISAGREE),
         ({"sigmas": SIGMAS * [1, 1, 1, 1, 20, 1]}, 3.0, Rejection.LOOSE),
@@ -57,8 +59,8 @@ def test_a_wider_gate_wants_more_significance():
     assert chance_of(GOOD, wide) > 100 * chance_of(GOOD, PRIOR)
 
 
-def test_agreeing_reflectivity_lowers_the_chance_and_contradicting_raises_it():
+def test_agreeing_reflectivity_lowers_the_chance_and_contradicting_does_not():
     agreeing, silent, contradicting = (
-        chance_of(replace(GOOD, reflectivity_significance=z), PRIOR) for z in (4.0, 0.0, -4.0)
+        chance_of(replace(GOOD, reflectivity_significance=z), PRIOR) for z in (6.0, 0.0, -4.0)
     )
-    assert agreeing < silent < contradicting
+    assert agreeing < silent == contradicting

@@ -38,7 +38,7 @@ def recognised(submaps, n_anywhere=2):
     for source, (submap, known) in enumerate(zip(submaps, features, strict=True)):
         partners = finder.add(submap, known, distance, lambda _target, _source: covariance)
         pairs += [(int(target), source) for target in partners.anywhere if source >= len(FIRST_DIVE)]
-    return list(recognise_pairs(pairs, submaps, features))
+    return list(recognise_pairs(pairs, submaps, features, lambda _target, _source: covariance))
 
 
 def test_the_places_of_another_dive_are_found_and_right():

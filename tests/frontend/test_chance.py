@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
-from frontend.chance import expected_by_chance, joint_chance, significance
+from frontend.chance import expected_by_chance, joint_chance, pooled, significance
 from frontend.correlation import correlate, padded_shape, spectra
 from frontend.frames import planar_pose
 from frontend.priors import Prior
@@ -83,19 +83,26 @@ def test_expected_maxima_of_a_gaussian_field_are_those_that_occur():
     assert expected == pytest.approx(count, rel=0.2)
 
 
-def test_two_witnesses_are_joined_by_fishers_method():
-    first, second = 1e-3, 2.0
-    statistic = -2 * (np.log(first) + np.log(norm.sf(second)))
-    assert joint_chance(first, second) == pytest.approx(chi2.sf(statistic, 4))
+AREAS = (4000.0, 10.0, 20.0)
 
 
-def test_a_second_witness_that_knows_nothing_does_not_help():
-    assert joint_chance(1e-6, 0.0) > 1e-6
+def test_a_second_witness_that_knows_nothing_costs_a_factor_of_two():
+    assert joint_chance(7.0, 0.0, AREAS, prior()) == pytest.approx(2 * expected_by_chance(7.0, 4000.0, 10.0, prior()))
 
 
-def test_a_second_witness_that_contradicts_makes_it_worse():
-    assert joint_chance(1e-6, -3.0) > joint_chance(1e-6, 0.0) > joint_chance(1e-6, 3.0)
+def test_a_second_witness_that_agrees_makes_it_surer_and_one_that_contradicts_changes_nothing():
+    sure, likely, silent, contradicting = (joint_chance(7.0, echo, AREAS, prior()) for echo in (6.0, 4.0, 0.0, -3.0))
+    assert sure < likely < silent
+    assert contradicting == silent
 
 
-def test_the_surest_thing_has_chance_zero():
-    assert joint_chance(0.0, 5.0) == 0
+def test_the_chance_of_two_witnesses_is_that_of_their_mean_over_unrelated_floors():
+    """Of many pairs of white fields, as many exceed a pooled level as either try alone says, to its factor of two."""
+    rng = np.random.default_rng(0)
+    by_shape, by_echo = rng.normal(size=(2, 200_000))
+    above = np.mean(pooled(by_shape, by_echo) > 3.0)
+    assert norm.sf(3.0) < above < 2 * norm.sf(3.0)
+
+
+def test_the_surest_thing_has_next_to_no_chance():
+    assert joint_chance(60.0, 5.0, AREAS, prior()) == pytest.approx(0.0, abs=1e-300)

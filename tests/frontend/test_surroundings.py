@@ -71,7 +71,7 @@ def test_two_sides_share_no_ping(track, a, b, step):
 
 def test_a_submap_that_stands_alone_keeps_its_relief(track):
     submaps = track
-    reliefs = [wavy((0.0, 0.0))] * 5
+    reliefs = dict.fromkeys(range(5), wavy((0.0, 0.0)))
     assert lay_beside(submaps, reliefs, 2, range(2, 3)) is reliefs[2]
 
 
@@ -83,7 +83,7 @@ def test_a_neighbours_raster_lies_where_dead_reckoning_says():
     world_x, world_y = 30.0 - y, x  # of the second frame's cells, in the first
     plane = 0.1 * world_x - 0.2 * world_y
     other = Relief(plane, np.ones_like(plane), 2 * plane, plane + 7.0, np.full(plane.shape, 0.3), 1.0, (-15.0, -20.0))
-    both = lay_beside(submaps, [own, other], 0, range(2))
+    both = lay_beside(submaps, {0: own, 1: other}, 0, range(2))
     known = both.weight > 0
     rows, columns = np.nonzero(known)
     x, y = both.origin[0] + columns, both.origin[1] + rows
@@ -99,14 +99,14 @@ def test_where_both_know_a_cell_the_trusted_one_counts_more():
     own, other = wavy((-20.0, -15.0)), wavy((-20.0, -15.0))
     own = replace(own, z=np.zeros_like(own.z), weight=np.full(own.z.shape, 0.2))
     other = replace(other, z=np.ones_like(own.z), weight=np.full(own.z.shape, 0.6))
-    both = lay_beside(submaps, [own, other], 0, range(2))
+    both = lay_beside(submaps, {0: own, 1: other}, 0, range(2))
     np.testing.assert_allclose(both.z[both.weight > 0], 0.75)
     np.testing.assert_allclose(both.weight[both.weight > 0], 0.8)
 
 
 def test_unknown_cells_stay_unknown():
     submaps = [at((100.0, 100.0, 0.0), 0), at((220.0, 100.0, 0.0), 1)]
-    both = lay_beside(submaps, [wavy((-20.0, -15.0)), wavy((-20.0, -15.0))], 0, range(2))
+    both = lay_beside(submaps, dict.fromkeys(range(2), wavy((-20.0, -15.0))), 0, range(2))
     between = both.weight[:, 60:80]
     assert not between.any()
     assert both.weight[:-1, :40].all()  # the last cell has no next one to interpolate with
@@ -120,7 +120,7 @@ def test_with_its_surroundings_a_crossing_is_more_significant():
     along = [cut_submap(floor, (70.0 + 40.0 * k, 130.0, 0.0), rng, k) for k in range(4)]
     across = [cut_submap(floor, (150.0, 70.0 + 40.0 * k, np.pi / 2), rng, 10 + k) for k in range(4)]
     submaps = [*along, *across]
-    reliefs = [extract_relief(submap) for submap in submaps]
+    reliefs = {k: extract_relief(submap) for k, submap in enumerate(submaps)}
     T = planar_pose(80.0, -20.0, np.pi / 2)  # of the second across seen from the first along
     alone = verify(stack_layers(reliefs[0]), stack_layers(reliefs[5]), T)
     target, source = lay_beside(submaps, reliefs, 0, range(3)), lay_beside(submaps, reliefs, 5, range(4, 8))
