@@ -217,10 +217,9 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     Returns
     -------
     beams, bins : Beams, Bins
-        Lines at the pose of their middle ping.
+        Lines at the mean pose of their pings.
     """
     n_lines = len(data.intensity) // group
-    middle = np.arange(n_lines) * group + group // 2
     n_bins = int(np.ceil(data.slant_range_max / width))
     sums, counts = np.zeros((n_lines, 2, n_bins)), np.zeros((n_lines, 2, n_bins))
     blanking = 0.6 * data.first_bottom_return
@@ -231,11 +230,19 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     )
     blur = model.blur * _level_beyond(mean, counts)
     noise = model.noise(width * np.arange(0.5, n_bins))
-    rotation = data.T_submap_pings[middle, :3, :3]
-    side = np.stack([rotation[:, :, 1], -rotation[:, :, 1]], axis=1)
-    axes = (rotation[:, :, 0], side, rotation[:, :, 2])
-    beams = Beams(data.sensors[middle], *axes, data.advance[middle], data.turn[middle])
-    return beams, Bins(mean + blur, effective, noise + blur, width)
+    return _lines(data, group), Bins(mean + blur, effective, noise + blur, width)
+
+
+def _lines(data: WindowData, group: int) -> Beams:
+    """Mean sensors, axes and motion of groups of pings: an even group has no middle ping."""
+    n = len(data.intensity) // group
+    poses, sensors, advance, turn = (
+        a[: n * group].reshape(n, group, *a.shape[1:]).mean(axis=1)
+        for a in (data.T_submap_pings, data.sensors, data.advance, data.turn)
+    )
+    axes = poses[:, :3, :3] / np.linalg.norm(poses[:, :3, :3], axis=1, keepdims=True)
+    side = np.stack([axes[:, :, 1], -axes[:, :, 1]], axis=1)
+    return Beams(sensors, axes[:, :, 0], side, axes[:, :, 2], advance, turn)
 
 
 def _level_beyond(mean: FloatArray, counts: FloatArray) -> FloatArray:

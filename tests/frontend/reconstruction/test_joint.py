@@ -151,12 +151,12 @@ def test_a_ramp_across_the_track_has_its_slope_where_long_waves_are_believed_in(
     believing = JointConfig(
         prior=PriorConfig(longest=200.0),
         roughness=RoughnessConfig(n_rounds=0),
-        solver=SolverConfig(n_steps=6, n_products=20, improvement=1e-6),
+        solver=SolverConfig(n_steps=10, n_products=20, improvement=1e-6),
     )
     seen = see(sound(tmp_path, lambda x, y: 0.06 * y + 0.0 * x), replace(radiometry, seafloor=ROUGH), believing)
     inside = seen.inside(40.0)
     slope = np.polyfit(seen.points[inside, 1], seen.points[inside, 2], 1)[0]
-    assert slope == pytest.approx(0.06, rel=0.15)  # six steps; in ten it is 0.0586
+    assert slope == pytest.approx(0.06, rel=0.1)  # bounded steps have not quite arrived
 
 
 def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
@@ -177,7 +177,7 @@ def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
 
 def test_a_wall_casts_a_shadow_and_what_lies_in_it_is_marked(tmp_path: Path, radiometry: Radiometry) -> None:
     recording = sound(tmp_path, lambda x, y: 4.0 * ((y > 19.5) & (y < 20.5)) + 0.0 * x)
-    patient = JointConfig(solver=SolverConfig(n_steps=8))  # bounded steps climb a wall slowly
+    patient = JointConfig(solver=SolverConfig(n_steps=14))  # bounded steps climb a wall slowly
     submap = see(recording, replace(radiometry, seafloor=ROUGH), patient).submap
     x, y = np.meshgrid(submap.surface.x, submap.surface.y)
     # the ray over the crest (20.5, 4 m up of 12) comes down at 20.5 * 12 / 8 = 30.7 m

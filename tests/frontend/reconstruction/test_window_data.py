@@ -131,14 +131,30 @@ def test_sides_are_not_mixed() -> None:
     np.testing.assert_allclose(bins.intensity[:, 1, 20:], 9.0)
 
 
-def test_a_line_lies_at_the_pose_of_its_middle_ping() -> None:
-    data = make_data(make_recording())
-    beams, _ = beams_and_bins(data, 0.5, 3, MODEL)
+def test_lines_are_of_whole_groups_of_pings_and_look_to_both_sides() -> None:
+    beams, _ = beams_and_bins(make_data(make_recording()), 0.5, 3, MODEL)
     assert len(beams.forward) == 2  # eight pings make two whole groups of three
-    np.testing.assert_array_equal(beams.sensor, data.sensors[[1, 4]])
-    np.testing.assert_array_equal(beams.forward, data.T_submap_pings[[1, 4], :3, 0])
     np.testing.assert_array_equal(beams.side[:, 1], -beams.side[:, 0])
-    np.testing.assert_array_equal(beams.up, data.T_submap_pings[[1, 4], :3, 2])
+
+
+def test_a_line_of_one_ping_has_its_pose() -> None:
+    data = make_data(make_recording())
+    beams, _ = beams_and_bins(data, 0.5, 1, MODEL)
+    np.testing.assert_array_equal(beams.sensor, data.sensors)
+    np.testing.assert_allclose(beams.forward, data.T_submap_pings[:, :3, 0], rtol=1e-14)
+    np.testing.assert_allclose(beams.up, data.T_submap_pings[:, :3, 2], rtol=1e-14)
+
+
+@pytest.mark.parametrize("group", [1, 2, 3, 4])
+def test_a_line_of_several_pings_looks_from_their_mean_place(group: int) -> None:
+    data = make_data(make_recording())
+    beams, _ = beams_and_bins(data, 0.5, group, MODEL)
+    n = len(data.sensors) // group * group
+    # pings half a metre apart: whatever is grouped, lines together stand where the pings stood together
+    np.testing.assert_allclose(beams.sensor.mean(axis=0), data.sensors[:n].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(np.diff(beams.sensor[:, 0, 0]), 0.5 * group, atol=0.02)
+    for axis in (beams.forward, beams.side, beams.up):
+        np.testing.assert_allclose(np.linalg.norm(axis, axis=-1), 1.0)
 
 
 def test_blur_is_added_to_echo_and_model_alike() -> None:
