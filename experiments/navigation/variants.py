@@ -21,8 +21,8 @@ from sssslam.graph import anchor_pings, solve_graph
 from sssslam.products.result import Result
 from sssslam.stages import correct, decided
 
-_NEAR = 30.0  # m between anchors that truly show the same place: half a window
-_SIGMAS = np.array([0.005, 0.005, 0.01, 0.3, 0.3, 0.1])  # of a closure given from the truth
+_NEAR, _FAR = 75.0, 150.0  # m between anchors whose swaths overlap; m along the track that are two windows
+_SIGMAS = np.array([0.005, 0.005, 0.003, 0.1, 0.1, 0.1])  # of a closure given from the truth
 
 
 class Variant(NamedTuple):
@@ -63,7 +63,7 @@ def true_closures(result: Result, rng: np.random.Generator) -> list[LoopClosure]
     T = level(result.recording.truth.trajectory.poses[anchors])
     apart = np.linalg.norm(T[:, None, :2, 3] - T[None, :, :2, 3], axis=-1)
     along = result.recording.truth.trajectory.distance[anchors]
-    is_far = np.abs(along[:, None] - along[None]) > 6.0 * _NEAR
+    is_far = np.abs(along[:, None] - along[None]) > _FAR
     pairs = np.argwhere(np.triu((apart < _NEAR) & is_far, 1))
     return [_given(result.submaps[t], result.submaps[s], invert(T[t]) @ T[s], rng) for t, s in pairs]
 
