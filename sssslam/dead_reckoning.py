@@ -15,6 +15,36 @@ from frontend.trajectory import Trajectory
 
 _EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
 _LEAST = 1e-3  # rad, m
+# Without a Doppler log speed is that through the water. A current of a tenth of it, 0.1 m/s for a small vehicle, makes
+# the way longer by as much from behind and is a crab angle from abeam; as that changes with the heading, part of it is
+# noise: 2 m in 100 s. The compass of a small vehicle deviates by 3 deg.
+_WITHOUT_DOPPLER = {
+    "velocity_scale_sd": 0.1,
+    "velocity_misalignment_sd": 0.1,
+    "heading_deviation_sd": 0.05,
+    "velocity_noise": 0.2,
+}
+
+
+def suit_sensors(config: DeadReckoningConfig, recording: Recording) -> DeadReckoningConfig:
+    """Fill in the errors of heading and speed that suit the sensors of a dive.
+
+    Parameters
+    ----------
+    config : DeadReckoningConfig
+        Errors of the sensors; a key that was set is kept.
+    recording : Recording
+        The dive.
+
+    Returns
+    -------
+    config : DeadReckoningConfig
+        As given; where the speed comes from no Doppler log, with the larger errors of a speed through the water.
+    """
+    if not _is_without_doppler(recording):
+        return config
+    left_open = _WITHOUT_DOPPLER.keys() - config.model_fields_set
+    return config.model_copy(update={name: _WITHOUT_DOPPLER[name] for name in sorted(left_open)})
 
 
 def dead_reckon(recording: Recording, config: DeadReckoningConfig) -> tuple[Recording, DeadReckoning]:
@@ -43,6 +73,8 @@ def dead_reckon(recording: Recording, config: DeadReckoningConfig) -> tuple[Reco
     wants_sensors = config.source == "sensors" or (
         not _has_moved(recording.trajectory_dr) and can_reckon(recording.sensors)
     )
+    if _is_without_doppler(recording):
+        recording = replace(recording, notes=(*recording.notes, _said_of_drift(config)))
     if not wants_sensors:
         return recording, DeadReckoning(recording.ping_time, recording.trajectory_dr.poses, config)
     track, place = recording.trajectory_dr, recording.georeference
@@ -124,6 +156,19 @@ def first_pose_sigmas(dead_reckoning: DeadReckoning, ping: int) -> FloatArray:
 def _has_moved(track: Trajectory) -> bool:
     """Whether positions were recorded at all; a reader without any leaves the vehicle at the origin."""
     return bool(np.ptp(track.x) > 0 or np.ptp(track.y) > 0)
+
+
+def _is_without_doppler(recording: Recording) -> bool:
+    """Whether the track was reckoned with a speed through the water."""
+    return "speed_log" in recording.sensors and "dvl" not in recording.sensors
+
+
+def _said_of_drift(config: DeadReckoningConfig) -> str:
+    return (
+        f"No Doppler log: the drift is that of a compass and a speed through the water, {config.velocity_scale_sd:.0%} "
+        f"of the speed, {config.velocity_misalignment_sd:.2g} rad of crab, {config.heading_deviation_sd:.2g} rad of "
+        "compass deviation; [dead_reckoning] in a configuration says otherwise."
+    )
 
 
 def _said(recording: Recording, trajectory: Trajectory) -> str:

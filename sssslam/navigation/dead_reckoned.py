@@ -30,7 +30,8 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
     -------
     recording : Recording
         Positions start at the first recorded one and follow heading and speed; attitude and height stay. The track as
-        recorded, where the vehicle moves in it, is its truth: the reference. Fixes of a receiver are left out.
+        recorded, where the vehicle moves in it, is its truth: the reference. Fixes of a receiver are left out; the
+        speed stands among the sensors as a ``speed_log``, unless that of one is there.
 
     Raises
     ------
@@ -48,12 +49,13 @@ def rebuild_dead_reckoned(recording: Recording) -> Recording:
     speed = fill_unknown(recording.ping_time, recording.speed)
     x, y = integrate(recorded.time, recorded.yaw, speed)
     track = replace(recorded, x=recorded.x[0] + x, y=recorded.y[0] + y)
+    log = {"speed_log": {"time": recording.ping_time, "speed": speed}}
     return replace(
         recording,
         trajectory_dr=track,
         truth=Truth(recorded) if recorded.distance[-1] > 0 else None,
         # what judges the track must not hold it
-        sensors={name: series for name, series in recording.sensors.items() if name != "gnss"},
+        sensors=log | {name: series for name, series in recording.sensors.items() if name != "gnss"},
         notes=(*recording.notes, *_notes(recording, track)),
     )
 

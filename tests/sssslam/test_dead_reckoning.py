@@ -13,7 +13,7 @@ from frontend.georeference import Georeference
 from frontend.recording import Recording
 from frontend.trajectory import Trajectory
 from sssslam.config import load_config
-from sssslam.dead_reckoning import dead_reckon, earth_rate, first_pose_sigmas, on_the_map
+from sssslam.dead_reckoning import dead_reckon, earth_rate, first_pose_sigmas, on_the_map, suit_sensors
 from sssslam.simulation import Scene
 from sssslam.simulation.drift import DriftConfig
 from sssslam.simulation.simulator import prepare
@@ -164,3 +164,47 @@ def test_sensors_that_are_not_there_are_asked_for_in_one_line(mems):
 def test_pings_as_they_come_cannot_be_smoothed():
     with pytest.raises(ValueError, match=r"dead_reckoning\.source is 'sensors'; 'recorded' is wanted"):
         sssslam.Slam(load_config(None, ["dead_reckoning.source=sensors"]))
+
+
+@pytest.fixture
+def without_doppler(mems):
+    """The dive with the speed log of a boat in place of its Doppler log."""
+    log = {"time": mems[0].ping_time, "speed": np.full(mems[0].n_pings, 1.5)}
+    sensors = {name: series for name, series in mems[0].sensors.items() if name != "dvl"}
+    return replace(mems[0], sensors=sensors | {"speed_log": log})
+
+
+def test_a_track_without_doppler_log_drifts_like_a_speed_through_the_water(without_doppler):
+    _, reckoning = dead_reckon(without_doppler, suit_sensors(DeadReckoningConfig(), without_doppler))
+    _, usual = dead_reckon(without_doppler, DeadReckoningConfig())
+    config = reckoning.config
+    assert (config.velocity_scale_sd, config.velocity_misalignment_sd, config.heading_deviation_sd) == (0.1, 0.1, 0.05)
+    # At the end of the first leg, 80 m on a straight line: a tenth of it ahead; 0.2 m/s/sqrt(Hz) over 53 s add 1.5 m.
+    ping = int(np.searchsorted(without_doppler.trajectory_dr.distance, 80.0))
+    assert reckoning.sigmas[ping, 0] == pytest.approx(np.hypot(8.0, 0.2 * np.sqrt(80.0 / 1.5)), rel=0.1)
+    assert reckoning.sigmas[-1, 0] > 3 * usual.sigmas[-1, 0]
+
+
+def test_a_doppler_log_or_no_word_on_the_speed_leaves_the_drift_as_it_is(mems, without_doppler):
+    config = DeadReckoningConfig()
+    assert suit_sensors(config, mems[0]) is config
+    assert suit_sensors(config, replace(mems[0], sensors={})) is config
+    both = without_doppler.sensors | {"dvl": mems[0].sensors["dvl"]}
+    assert suit_sensors(config, replace(without_doppler, sensors=both)) is config
+
+
+def test_a_drift_that_the_user_set_is_kept_key_by_key(without_doppler):
+    config = suit_sensors(
+        load_config(settings=["dead_reckoning.velocity_scale_sd=0.01"]).dead_reckoning, without_doppler
+    )
+    assert (config.velocity_scale_sd, config.velocity_misalignment_sd) == (0.01, 0.1)
+    assert suit_sensors(config, without_doppler) == config
+
+
+def test_the_drift_of_a_track_without_doppler_log_is_said_as_it_is(mems, without_doppler):
+    config = suit_sensors(DeadReckoningConfig(velocity_scale_sd=0.04), without_doppler)
+    recording, _ = dead_reckon(without_doppler, config)
+    (note,) = recording.notes
+    assert "No Doppler log: the drift is that of a compass and a speed through the water, 4% of the speed" in note
+    assert "0.1 rad of crab, 0.05 rad of compass deviation" in note
+    assert dead_reckon(mems[0], DeadReckoningConfig())[0].notes == ()

@@ -30,8 +30,17 @@ def test_positions_have_no_say_but_the_first(dive):
 def test_fixes_of_a_receiver_judge_the_track_and_do_not_hold_it(dive):
     series = {"time": np.zeros(1), "position_x": np.zeros(1), "position_y": np.zeros(1)}
     recording = replace(dive(), sensors={"gnss": series, "depth": {"time": np.zeros(1), "depth": np.zeros(1)}})
-    assert set(rebuild_dead_reckoned(recording).sensors) == {"depth"}
+    assert set(rebuild_dead_reckoned(recording).sensors) == {"depth", "speed_log"}
     assert set(recording.sensors) == {"gnss", "depth"}
+
+
+def test_the_speed_that_made_the_track_stands_among_the_sensors_and_a_speed_log_stays(dive):
+    recording = dive()
+    log = rebuild_dead_reckoned(recording).sensors["speed_log"]
+    np.testing.assert_array_equal(log["time"], recording.ping_time)
+    np.testing.assert_array_equal(log["speed"], recording.speed)
+    own = {"time": np.zeros(1), "speed": np.ones(1)}
+    assert rebuild_dead_reckoned(replace(recording, sensors={"speed_log": own})).sensors["speed_log"] is own
 
 
 def test_a_heading_bias_moves_the_end_by_its_sine(dive):
