@@ -24,18 +24,20 @@ class WindowConfig(BaseModel):
     length: float | None = Field(
         default=None,
         gt=0,
-        description="Distance run in a window [m]; unset: 1.5 slant ranges, a footprint about as long as wide.",
+        description="Distance run in a window [m]; unset: 1.5 slant ranges, a footprint about as long as wide; on a "
+        "short track that turns back an eighth of it, at least half a slant range.",
     )
     n_lines: int | None = Field(
         default=None,
         ge=3,
         description="Pings [1] in a window of the method lines; unset: those that run the length at the usual spacing.",
     )
-    overlap: float = Field(
-        default=0.5,
+    overlap: float | None = Field(
+        default=None,
         ge=0,
         lt=1,
-        description="Share of a window [1] that the next one repeats, so that no place lies only at an edge.",
+        description="Share of a window [1] that the next one repeats, so that no place lies only at an edge; unset: "
+        "0.5, and 0.75 where a short track that turns back makes the windows short.",
     )
     n_edge_pings: int = Field(
         default=1,
@@ -62,6 +64,7 @@ class WindowConfig(BaseModel):
 
 
 _SLANT_RANGES_A_WINDOW = 1.5
+_OVERLAP = 0.5
 _FEWEST_LINES = 3  # one with a neighbour on either side
 
 
@@ -154,6 +157,7 @@ def finished_windows(trajectory_dr: Trajectory, slant_range: float, config: Wind
         return windows
     assert config.min_radius is not None
     assert config.length is not None
+    assert config.overlap is not None
     open_end = turn_reach(config.min_turn, config.min_radius) + 0.5 * config.length * (1.0 - config.overlap)
     settled = np.flatnonzero(trajectory_dr.distance < trajectory_dr.distance[-1] - open_end)
     return [window for window in windows if window.end_ping + config.n_edge_pings <= len(settled)]
@@ -174,7 +178,7 @@ def resolve_windows(config: WindowConfig, slant_range: float, ping_spacing: floa
     Returns
     -------
     config : WindowConfig
-        The same with length, number of lines and radius set.
+        The same with length, overlap, number of lines and radius set.
 
     Raises
     ------
@@ -184,7 +188,8 @@ def resolve_windows(config: WindowConfig, slant_range: float, ping_spacing: floa
     length = window_length(slant_range, config)
     radius = config.min_radius or length / _SLANT_RANGES_A_WINDOW
     n_lines = config.n_lines or _lines_that_run(length, ping_spacing)
-    return config.model_copy(update={"length": length, "n_lines": n_lines, "min_radius": radius})
+    overlap = _OVERLAP if config.overlap is None else config.overlap
+    return config.model_copy(update={"length": length, "overlap": overlap, "n_lines": n_lines, "min_radius": radius})
 
 
 def window_length(slant_range: float, config: WindowConfig) -> float:
@@ -223,6 +228,7 @@ def _measure(trajectory_dr: Trajectory, config: WindowConfig) -> tuple[FloatArra
     """What is equally long of each window, at each ping; its length in a window and from one window to the next."""
     assert config.length is not None
     assert config.n_lines is not None
+    assert config.overlap is not None
     if config.method == "lines":
         step = max(1, round(config.n_lines * (1.0 - config.overlap)))
         return np.arange(len(trajectory_dr), dtype=np.float64), config.n_lines - 1.0, float(step)

@@ -20,7 +20,9 @@ from frontend.radiometry import RadiometryConfig
 from frontend.reconstruction import ReconstructionConfig
 from frontend.reconstruction.joint import cell_spacing
 from frontend.recording import Recording
+from frontend.window_defaults import suit_track
 from frontend.windows import WindowConfig, resolve_windows
+from sssslam.dead_reckoning import suit_sensors
 
 
 class Config(BaseModel):
@@ -71,19 +73,39 @@ def load_config(path: str | Path | None = None, settings: Iterable[str] = ()) ->
 
 
 def resolve(config: Config, recording: Recording) -> Config:
-    """Fill in what is left to the data.
+    """Fill in what is left to the data of a whole dive.
 
     Parameters
     ----------
     config : Config
         A configuration with open keys.
     recording : Recording
-        Its range says how long a window and how large a cell is.
+        The dive: its range says how large a cell is, its range and its track how long a window, its sensors how much
+        the track drifts.
 
     Returns
     -------
     resolved : Config
         The same with every key set.
+    """
+    windows = suit_track(config.windows, float(recording.slant_range_max.max()), recording.trajectory_dr)
+    return resolve_pings(config.model_copy(update={"windows": windows}), recording)
+
+
+def resolve_pings(config: Config, recording: Recording) -> Config:
+    """Fill in what is left to the data of a dive that goes on.
+
+    Parameters
+    ----------
+    config : Config
+        A configuration with open keys.
+    recording : Recording
+        Some pings: nobody knows how long their track will be and whether it turns back.
+
+    Returns
+    -------
+    resolved : Config
+        The same with every key set, as by `resolve` but for the windows: 1.5 slant ranges long.
     """
     reach = float(recording.slant_range_max.max())
     windows = resolve_windows(config.windows, reach, recording.ping_spacing)
@@ -91,7 +113,8 @@ def resolve(config: Config, recording: Recording) -> Config:
     cells = {name: method.spacing or cell_spacing(reach) for name, method in methods.items()}
     methods = {name: method.model_copy(update={"spacing": cells[name]}) for name, method in methods.items()}
     reconstruction = config.reconstruction.model_copy(update=methods)
-    return config.model_copy(update={"windows": windows, "reconstruction": reconstruction})
+    drift = suit_sensors(config.dead_reckoning, recording)
+    return config.model_copy(update={"windows": windows, "reconstruction": reconstruction, "dead_reckoning": drift})
 
 
 def default_toml() -> str:

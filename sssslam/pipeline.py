@@ -22,7 +22,7 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from frontend.window_checks import Unusable, usable_windows
 from frontend.windows import Window, finished_windows
-from sssslam.config import Config, resolve
+from sssslam.config import Config, resolve, resolve_pings
 from sssslam.dead_reckoning import dead_reckon
 from sssslam.fixes import fixes_at_anchors
 from sssslam.graph import anchor_pings, make_graph, prior_covariance, solve_at_fixes, solve_graph
@@ -158,7 +158,7 @@ class Slam:
         chunk = replace(chunk, sonar=self.sonar or chunk.sonar)
         self._pings = chunk if self._pings is None else join([self._pings, chunk])
         self._track = chunk.trajectory_dr if self._track is None else self._track.joined(chunk.trajectory_dr)
-        self.config = resolve(self.config, chunk)
+        self.config = resolve_pings(self.config, chunk)
         reach = float(chunk.slant_range_max.max())
         # the last window may still grow, or be cut
         waiting = finished_windows(self._track, reach, self.config.windows)[self._n_windows :]

@@ -23,7 +23,8 @@ from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from frontend.window_checks import usable_windows
-from frontend.windows import Window, sliding_windows
+from frontend.window_defaults import suit_track
+from frontend.windows import Window, WindowConfig, sliding_windows
 from sssslam.config import Config
 from sssslam.graph import anchor_pings, anchor_poses, prior_covariance
 from sssslam.watch import Watch
@@ -244,7 +245,7 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
     cut = ", cut at turns," if windows.method == "adaptive" else ""
     chosen = [
         f"Windows of {size}{cut} that overlap by {windows.overlap:.0%}, cells of {spacing:.2g} m: from a slant range "
-        f"of {recording.slant_range_max.max():.0f} m.",
+        f"of {recording.slant_range_max.max():.0f} m{_short_track(recording, windows)}.",
         radiometry.words,
     ]
     if config.reconstruction.method == "joint":
@@ -259,3 +260,11 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
     if np.isnan(bottom.altimeter_scale):
         chosen.append("No altitude recorded: taken from the first bottom return.")
     return (*recording.notes, *chosen)
+
+
+def _short_track(recording: Recording, windows: WindowConfig) -> str:
+    """Why windows are shorter than the range asks for, where that was not the user's wish."""
+    track = recording.trajectory_dr
+    chosen = suit_track(WindowConfig(), float(recording.slant_range_max.max()), track).length
+    has_chosen = chosen is not None and chosen == windows.length
+    return f" and a track of {track.distance[-1]:.0f} m that turns back" if has_chosen else ""

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from frontend.recording import Recording
-from sssslam.config import Config, default_toml, load_config, resolve
+from sssslam.config import Config, default_toml, load_config, resolve, resolve_pings
 from tests.frontend.flat_floor import FlatFloor
 
 
@@ -144,6 +145,29 @@ def test_resolving_keeps_what_is_set_and_is_done_once() -> None:
     resolved = resolve(config, recording(55.0))
     assert (resolved.windows.length, resolved.reconstruction.joint.spacing) == (40.0, 0.5)
     assert resolve(resolved, recording(200.0)) == resolved
+
+
+def turning_back(slant_range: float) -> Recording:
+    """A dive of 120 m that turns by one and a half circles, its speed from a log through the water."""
+    n, dive = 400, FlatFloor(np.full(400, 2.0), n_samples=round(slant_range / 0.05)).record(np.random.default_rng(1))
+    yaw = np.linspace(0.0, 3 * np.pi, n)
+    x, y = np.cumsum(0.3 * np.cos(yaw)), np.cumsum(0.3 * np.sin(yaw))
+    log = {"time": dive.ping_time, "speed": np.full(n, 1.5)}
+    return replace(dive, trajectory_dr=replace(dive.trajectory_dr, x=x, y=y, yaw=yaw), sensors={"speed_log": log})
+
+
+def test_resolving_a_dive_fills_in_what_its_track_and_its_sensors_ask_for() -> None:
+    dive = turning_back(20.0)
+    resolved = resolve(Config(), dive)
+    assert resolved.windows.length == pytest.approx(dive.trajectory_dr.distance[-1] / 8)
+    assert (resolved.windows.overlap, resolved.dead_reckoning.velocity_scale_sd) == (0.75, 0.1)
+    assert resolve(resolved, turning_back(30.0)) == resolved
+
+
+def test_a_dive_that_goes_on_has_the_windows_of_its_range() -> None:
+    resolved = resolve_pings(Config(), turning_back(20.0))
+    assert (resolved.windows.length, resolved.windows.overlap) == (30.0, 0.5)
+    assert resolved.dead_reckoning.velocity_scale_sd == 0.1
 
 
 def test_a_resolved_configuration_has_no_open_key(tmp_path: Path) -> None:

@@ -1,0 +1,59 @@
+"""Defaults of the windows that a whole track decides: short ones where a short track turns back."""
+
+import numpy as np
+
+from frontend.trajectory import Trajectory
+from frontend.turns import heading_spread
+from frontend.windows import WindowConfig, window_length
+
+# Windows two lengths apart are compared, so that of eight most have partners; a shorter track leaves too few.
+_WINDOWS_A_TRACK = 8
+_LEAST_SLANT_RANGES = 0.5  # shorter, and a window holds too little floor to be told from another
+# A window and those that share pings with it are compared together: 2.5 lengths, as much as before of a default.
+_SHORT_OVERLAP = 0.75
+# Legs side by side turn by half a circle, waves add some; a track that crosses itself turns by more [rad].
+_TURNS_BACK = 1.25 * np.pi
+
+
+def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajectory) -> WindowConfig:
+    """Choose shorter windows where a short track turns back; all else is left open.
+
+    Parameters
+    ----------
+    config : WindowConfig
+        How the dive is cut into windows; a key that is set is kept.
+    slant_range : float
+        Largest slant range of the sonar [m].
+    trajectory_dr : Trajectory
+        Dead-reckoned body poses of the whole dive.
+
+    Returns
+    -------
+    config : WindowConfig
+        As given where the length is set, where the headings span less than five eighths of a circle, or where 1.5 slant
+        ranges are no more than an eighth of the distance run. Else with that eighth as length, at least half a slant
+        range, and an overlap of 0.75.
+
+    Notes
+    -----
+    Two windows are compared when they share no ping and lie two lengths apart: windows that are long for their track
+    find no partner, even where it crosses itself.
+
+    Examples
+    --------
+    >>> time = np.arange(201.0)  # one and a half circles, 200 m long, at a range of 40 m
+    >>> yaw, zero = 1.5 * 2 * np.pi * time / 200, np.zeros(201)
+    >>> x, y = np.cumsum(np.cos(yaw)), np.cumsum(np.sin(yaw))
+    >>> suited = suit_track(WindowConfig(), 40.0, Trajectory(time, x, y, zero, zero, zero, yaw))
+    >>> round(suited.length), suited.overlap
+    (25, 0.75)
+    """
+    if config.length is not None or len(trajectory_dr) == 0:
+        return config
+    usual, share = window_length(slant_range, config), float(trajectory_dr.distance[-1]) / _WINDOWS_A_TRACK
+    if not 0 < share < usual or heading_spread(trajectory_dr) < _TURNS_BACK:
+        return config
+    length = max(share, _LEAST_SLANT_RANGES * slant_range)
+    overlap = _SHORT_OVERLAP if config.overlap is None else config.overlap
+    radius = config.min_radius or slant_range
+    return config.model_copy(update={"length": length, "overlap": overlap, "min_radius": radius})
