@@ -1,13 +1,13 @@
-"""Masked normalised cross-correlation of two reliefs over every shift, by FFT."""
+"""Masked normalised cross-correlation of two places over every shift, by FFT: of all that is known there at once."""
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy.fft import ifft, irfft, next_fast_len, rfft2
 
 from frontend.arrays import AnyArray, FloatArray
 
-_OF_TARGET, _OF_SOURCE = [1, 2, 0, 3], [1, 0, 2, 3]  # wa wb, waa w, w wbb and mask times mask
 _SIZES = (8, 9, 10, 12, 15, 16)  # in eighths of an octave, with factors that an FFT likes
 
 
@@ -17,8 +17,8 @@ class CorrelationSurface:
 
     Parameters
     ----------
-    correlation : ndarray, shape (n_y, n_x)
-        Weighted correlation coefficient over the overlap [1]; 0 where nothing overlaps.
+    correlation : ndarray, shape (C, n_y, n_x)
+        Weighted correlation coefficient of each raster over the overlap [1]; 0 where nothing overlaps.
     overlap : ndarray, shape (n_y, n_x)
         Cells trusted in both.
     shift_y, shift_x : ndarray of int, shape (n_y,), (n_x,)
@@ -102,14 +102,14 @@ def all_shifts(target: tuple[int, int], source: tuple[int, int]) -> Shifts:
 
 @dataclass(frozen=True)
 class Spectra:
-    """Fourier transforms of one raster: its weights, weighted values, weighted squares and mask.
+    """Fourier transforms of rasters that share a weight: mask, weight, then of each its weighted values and squares.
 
     Parameters
     ----------
-    transforms : ndarray of complex, shape (4, n_y, n_x // 2 + 1)
+    transforms : ndarray of complex, shape (2 + 2 C, n_y, n_x // 2 + 1)
         The transforms, zero-padded.
     shape : tuple of int
-        Cells of the raster before padding.
+        Cells of the rasters before padding.
     padded : tuple of int
         Cells after padding.
     """
@@ -154,12 +154,14 @@ def common_size(n: int) -> int:
 
 
 def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> Spectra:
-    """Transform a raster for correlation.
+    """Transform rasters for correlation.
 
     Parameters
     ----------
-    values, weight : ndarray, shape (n_y, n_x)
-        Values and the trust in them [1], 0 where unknown.
+    values : ndarray, shape (C, n_y, n_x)
+        Values of each raster.
+    weight : ndarray, shape (n_y, n_x)
+        The trust in all of them [1], 0 where unknown.
     padded : tuple of int
         Size from `padded_shape`.
 
@@ -168,17 +170,20 @@ def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> 
     spectra : Spectra
         What `correlate` needs; reusable for every partner of the same padded size.
     """
-    rasters = np.stack([weight, weight * values, weight * values**2, weight > 0]).astype(np.float32)
-    return Spectra(rfft2(rasters, padded), (values.shape[0], values.shape[1]), padded)
+    rasters = np.empty((2 + 2 * len(values), *weight.shape), dtype=np.float32)
+    rasters[0], rasters[1] = weight > 0, weight
+    rasters[2::2] = weight * values
+    rasters[3::2] = weight * values**2
+    return Spectra(rfft2(rasters, padded), (weight.shape[0], weight.shape[1]), padded)
 
 
 def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) -> CorrelationSurface:
-    """Correlate two rasters over shifts.
+    """Correlate two places over shifts, raster by raster.
 
     Parameters
     ----------
     target, source : Spectra
-        Transforms of the same padded size.
+        Transforms of as many rasters and the same padded size.
     shifts : Shifts, optional
         Those wanted; all where left out.
 
@@ -190,12 +195,12 @@ def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) ->
     Raises
     ------
     ValueError
-        If the padded sizes differ or are too small for the two rasters.
+        If the numbers of rasters or the padded sizes differ, or these are too small for the two places.
 
     Notes
     -----
-    The mean over each overlap is taken to be zero and not removed, which spares three of seven transforms: a relief has
-    no waves that are longer than an overlap.
+    The mean over each overlap is taken to be zero and not removed, which spares two transforms a raster and one: a
+    relief has no waves that are longer than an overlap. Mask, weight and the cells in common are shared by all rasters.
 
     References
     ----------
@@ -203,6 +208,11 @@ def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) ->
        :doi:`10.1109/TIP.2011.2181402`
     """
     shifts = shifts or all_shifts(target.shape, source.shape)
+    if len(target.transforms) != len(source.transforms):
+        raise ValueError(
+            f"spectra of as many rasters are wanted, got {len(target.transforms) // 2 - 1} "
+            f"and {len(source.transforms) // 2 - 1}"
+        )
     if target.padded != source.padded or any(
         p < n for p, n in zip(target.padded, shifts.needs(target.shape, source.shape), strict=True)
     ):
@@ -211,10 +221,25 @@ def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) ->
             f"and {source.padded} of {source.shape}"
         )
     y, x = np.arange(shifts.first_y, shifts.end_y), np.arange(shifts.first_x, shifts.end_x)
-    products = target.transforms[_OF_TARGET] * np.conj(source.transforms)[_OF_SOURCE]
+    products = np.empty((3 * len(target.transforms) // 2 - 2, *target.transforms.shape[1:]), dtype=np.complex64)
+    _multiply(target.transforms, source.transforms, products)
     rows = ifft(products, axis=1, overwrite_x=True)[:, y]  # negative shifts lie at the end, where Python counts too
-    ab, aa, bb, mask = irfft(rows, target.padded[1], axis=2, overwrite_x=True)[:, :, x]
-    return CorrelationSurface(_coefficient(ab, aa, bb), np.maximum(np.rint(mask), 0.0).astype(np.float64), y, x)
+    sums = irfft(rows, target.padded[1], axis=2, overwrite_x=True)[:, :, x]
+    correlation = np.stack([_coefficient(*three) for three in sums[1:].reshape(-1, 3, len(y), len(x))])
+    return CorrelationSurface(correlation, np.maximum(np.rint(sums[0]), 0.0).astype(np.float64), y, x)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _multiply(target: AnyArray, source: AnyArray, products: AnyArray) -> None:
+    """Mask times mask, then of each raster wa wb, waa w and w wbb, the source conjugate."""
+    for i in range(target.shape[1]):
+        for j in range(target.shape[2]):
+            weight = np.conj(source[1, i, j])
+            products[0, i, j] = target[0, i, j] * np.conj(source[0, i, j])
+            for c in range(target.shape[0] // 2 - 1):
+                products[1 + 3 * c, i, j] = target[2 + 2 * c, i, j] * np.conj(source[2 + 2 * c, i, j])
+                products[2 + 3 * c, i, j] = target[3 + 2 * c, i, j] * weight
+                products[3 + 3 * c, i, j] = target[1, i, j] * np.conj(source[3 + 2 * c, i, j])
 
 
 def _coefficient(ab: FloatArray, aa: FloatArray, bb: FloatArray) -> FloatArray:

@@ -225,7 +225,7 @@ def _is_near(T: FloatArray, x: float, y: float, yaw: float, config: MatchingConf
     return bool(np.hypot(x - x_0, y - y_0) <= config.separation and turn <= 2 * _SAME_YAW)
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _nearest(a: FloatArray, b: FloatArray, to_b: IntArray, to_a: IntArray) -> None:
     """Column of b nearest to each row of a, and the other way; the first of equals."""
     best = np.full(b.shape[1], np.inf, dtype=np.float32)
@@ -242,7 +242,7 @@ def _nearest(a: FloatArray, b: FloatArray, to_b: IntArray, to_a: IntArray) -> No
                 best[j], to_a[j] = distance[j], i
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _fit(p: FloatArray, q: FloatArray, limits: FloatArray, out: FloatArray) -> int:
     """Fill in x, y, z, yaw of the pairs of matches with baselines that fit, as far as there is room; their number."""
     n = 0
@@ -265,7 +265,7 @@ def _fit(p: FloatArray, q: FloatArray, limits: FloatArray, out: FloatArray) -> i
     return n
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _count(hypotheses: FloatArray, p: FloatArray, q: FloatArray, tolerances: FloatArray, counts: IntArray) -> None:
     """Number of matches within both tolerances of each hypothesis."""
     for h in range(hypotheses.shape[0]):

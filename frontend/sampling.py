@@ -128,7 +128,7 @@ def descend(
     return float(end[0]), float(end[1]), float(end[2])
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
     """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
     cosine, sine = np.cos(planar[2]), np.sin(planar[2])
@@ -150,7 +150,7 @@ def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: F
             out[k, c] = (1 - v) * low + v * high
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  # type: ignore[no-untyped-def]
     """J^T W J, J^T W J_source, J^T W e of x, y, yaw; rasters and cells hold weight, relief, slopes along x and y."""
     samples = np.zeros((cells.shape[0], 4))
@@ -175,7 +175,7 @@ def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  #
                 H_common[i, j] += weight * J[i] * J_source[j]
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _descend(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, descent: Descent) -> None:
     """Bounded steps, added to the pose until they stand still."""
     H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
@@ -188,7 +188,7 @@ def _descend(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: 
             return
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _step(H: FloatArray, H_common: FloatArray, g: FloatArray, descent: Descent) -> FloatArray:
     """One Gauss-Newton step, shortened to its limits; zero where nothing fixes it."""
     spread = np.linalg.eigvalsh(H)

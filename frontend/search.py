@@ -142,14 +142,12 @@ def _found(
     if shifts is None:
         return np.empty((0, 6))
     rows, columns = (common_size(n) for n in shifts.needs(a.shape, b.shape))
-    (a_z, a_r), (b_z, b_r) = target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns))
-    surface, by_echo = correlate(a_z, b_z, shifts), correlate(a_r, b_r, shifts)
+    surface = correlate(target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns)), shifts)
     area = surface.overlap * a.spacing**2
     i, j = np.nonzero(area >= least)
     x = a.origin[0] - b.origin[0] + a.spacing * surface.shift_x[j]
     y = a.origin[1] - b.origin[1] + a.spacing * surface.shift_y[i]
-    correlations = (surface.correlation[i, j], by_echo.correlation[i, j])
-    return np.column_stack([*correlations, area[i, j], x, y, np.full(len(i), source.yaw(k))])
+    return np.column_stack([*surface.correlation[:, i, j], area[i, j], x, y, np.full(len(i), source.yaw(k))])
 
 
 def _shifts(target: Turned, source: Turned, low: FloatArray, high: FloatArray) -> Shifts | None:

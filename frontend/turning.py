@@ -1,6 +1,7 @@
 """Turning: a relief brought onto coarse grids along other axes, each made once for all its partners."""
 
 from dataclasses import dataclass
+from threading import Lock
 from typing import TypeVar
 
 import numpy as np
@@ -21,16 +22,17 @@ class Turned:
 
     Parameters
     ----------
-    z, reflectivity, weight : ndarray, shape (n_y, n_x)
-        Relief [m], log-reflectivity and trust [1].
+    values : ndarray, shape (2, n_y, n_x)
+        Relief [m] and log-reflectivity [1].
+    weight : ndarray, shape (n_y, n_x)
+        The trust in both [1].
     origin : tuple of float
         x and y of the first cell along the new axes [m].
     spacing : float
         Distance between cells [m].
     """
 
-    z: FloatArray
-    reflectivity: FloatArray
+    values: FloatArray
     weight: FloatArray
     origin: tuple[float, float]
     spacing: float
@@ -38,7 +40,7 @@ class Turned:
     @property
     def shape(self) -> tuple[int, int]:
         """Cells along y and x."""
-        return self.z.shape[0], self.z.shape[1]
+        return self.weight.shape[0], self.weight.shape[1]
 
 
 def turn(relief: Relief, yaw: float, spacing: float) -> Turned:
@@ -64,14 +66,14 @@ def turn(relief: Relief, yaw: float, spacing: float) -> Turned:
     samples = sample_rasters(rasters, grid.reshape(-1, 2), (*relief.origin, relief.spacing), (0.0, 0.0, -yaw))
     weight, z, reflectivity = np.ascontiguousarray(samples.T).reshape(3, *grid.shape[:2])
     coarse = block_means(weight, n)
-    z, reflectivity = (block_means(weight * a, n) / np.maximum(coarse, 1e-12) for a in (z, reflectivity))
+    values = np.stack([block_means(weight * a, n) for a in (z, reflectivity)]) / np.maximum(coarse, 1e-12)
     shift = (n - 1) / 2 * relief.spacing
     origin = (float(grid[0, 0, 0]) + shift, float(grid[0, 0, 1]) + shift)
-    return Turned(z, reflectivity, coarse, origin, n * relief.spacing)
+    return Turned(values, coarse, origin, n * relief.spacing)
 
 
 class TurnedRelief:
-    """A relief with its copies turned in equal steps and their spectra, made when first asked for.
+    """A relief with its copies turned in equal steps and their spectra, made when first asked for, from any thread.
 
     Parameters
     ----------
@@ -91,7 +93,8 @@ class TurnedRelief:
         self._heading = heading
         self._spacing = spacing
         self._turned: dict[int, Turned] = {}
-        self._spectra: dict[tuple[int, tuple[int, int]], tuple[Spectra, Spectra]] = {}
+        self._spectra: dict[tuple[int, tuple[int, int]], Spectra] = {}
+        self._lock = Lock()
 
     def yaw(self, k: int) -> float:
         """Angle of the submap's x axis from the shared axes after so many steps.
@@ -121,11 +124,12 @@ class TurnedRelief:
         turned : Turned
             On a grid along the shared axes.
         """
-        if k not in self._turned:
-            _keep(self._turned, k, turn(self.relief, self.yaw(k), self._spacing))
-        return self._turned[k]
+        turned = self._turned.get(k)
+        return (
+            turned if turned is not None else self._kept(self._turned, k, turn(self.relief, self.yaw(k), self._spacing))
+        )
 
-    def spectra(self, k: int, padded: tuple[int, int]) -> tuple[Spectra, Spectra]:
+    def spectra(self, k: int, padded: tuple[int, int]) -> Spectra:
         """Fourier transforms of the copy after so many steps.
 
         Parameters
@@ -137,21 +141,21 @@ class TurnedRelief:
 
         Returns
         -------
-        relief, reflectivity : Spectra
-            What `frontend.correlation.correlate` needs.
+        spectra : Spectra
+            Of relief and reflectivity: what `frontend.correlation.correlate` needs.
         """
-        if (k, padded) not in self._spectra:
-            turned = self.at(k)
-            both = (spectra(a, turned.weight, padded) for a in (turned.z, turned.reflectivity))
-            _keep(self._spectra, (k, padded), (next(both), next(both)))
-        return self._spectra[k, padded]
+        found = self._spectra.get((k, padded))
+        if found is not None:
+            return found
+        turned = self.at(k)
+        return self._kept(self._spectra, (k, padded), spectra(turned.values, turned.weight, padded))
 
-
-def _keep(kept: dict[_Key, _Value], key: _Key, value: _Value) -> None:
-    """Add to what is kept, the oldest going where it is too much."""
-    if len(kept) >= _MOST_KEPT:
-        del kept[next(iter(kept))]
-    kept[key] = value
+    def _kept(self, kept: dict[_Key, _Value], key: _Key, value: _Value) -> _Value:
+        """The value, added to what is kept; the oldest goes where that is too much."""
+        with self._lock:  # two threads may have made the same: one is kept
+            if key not in kept and len(kept) >= _MOST_KEPT:
+                del kept[next(iter(kept))]
+            return kept.setdefault(key, value)
 
 
 def _grid_about(relief: Relief, yaw: float) -> FloatArray:

@@ -37,9 +37,9 @@ def test_correlations_of_unrelated_fields_scatter_as_the_significance_says():
         a, b = (gaussian_filter(rng.normal(size=(96, 96)), 1.5, mode="wrap") for _ in range(2))
         area = np.sqrt(correlation_area(a, np.ones_like(a), 1.0) * correlation_area(b, np.ones_like(b), 1.0))
         padded = padded_shape(a.shape, b.shape)
-        surface = correlate(spectra(a, np.ones_like(a), padded), spectra(b, np.ones_like(b), padded))
+        surface = correlate(spectra(a[None], np.ones_like(a), padded), spectra(b[None], np.ones_like(b), padded))
         big = surface.overlap >= 0.3 * a.size
-        values.append(significance(surface.correlation[big], surface.overlap[big], area))
+        values.append(significance(surface.correlation[0, big], surface.overlap[big], area))
     # 12 pairs of about 2000 independent shifts; the correlation area is right to 10 %
     assert np.std(np.concatenate(values)) == pytest.approx(1.0, abs=0.1)
 

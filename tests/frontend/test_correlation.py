@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +10,12 @@ from frontend.correlation import Shifts, common_size, correlate, padded_shape, s
 
 def surface_of(a, wa, b, wb):
     padded = padded_shape(a.shape, b.shape)
-    return correlate(spectra(a, wa, padded), spectra(b, wb, padded))
+    return alone(correlate(spectra(a[None], wa, padded), spectra(b[None], wb, padded)))
+
+
+def alone(surface):
+    """The surface of the only raster."""
+    return replace(surface, correlation=surface.correlation[0])
 
 
 def by_definition(a, wa, b, wb, dy, dx):
@@ -77,16 +84,34 @@ def test_correlation_is_unchanged_by_scale():
     assert scaled[big] == pytest.approx(-surface_of(a, ones, b, ones).correlation[big], abs=1e-3)
 
 
+def test_rasters_that_share_a_weight_correlate_as_each_alone():
+    rng = np.random.default_rng(7)
+    a, b, wa, wb = rng.normal(size=(2, 12, 9)), rng.normal(size=(2, 10, 11)), *rng.uniform(0.2, 1, (2, 12, 11))
+    wa, wb = wa[:, :9], wb[:10]
+    padded = padded_shape(a.shape[1:], b.shape[1:])
+    both = correlate(spectra(a, wa, padded), spectra(b, wb, padded))
+    for k in (0, 1):
+        single = surface_of(a[k], wa, b[k], wb)
+        assert both.correlation[k] == pytest.approx(single.correlation, abs=1e-6)  # a rounding in single precision
+        assert np.array_equal(both.overlap, single.overlap)
+
+
+def test_spectra_of_different_numbers_of_rasters_are_refused():
+    a = np.ones((4, 4))
+    with pytest.raises(ValueError, match="spectra of as many rasters are wanted, got 1 and 2"):
+        correlate(spectra(a[None], a, (8, 8)), spectra(np.stack([a, a]), a, (8, 8)))
+
+
 def test_spectra_of_different_padding_are_refused():
     a = np.ones((4, 4))
     with pytest.raises(ValueError, match=r"padded alike and enough for both, got \(8, 8\) of \(4, 4\) and \(9, 9\)"):
-        correlate(spectra(a, a, (8, 8)), spectra(a, a, (9, 9)))
+        correlate(spectra(a[None], a, (8, 8)), spectra(a[None], a, (9, 9)))
 
 
 def test_spectra_that_would_wrap_around_are_refused():
     a = np.ones((4, 4))
     with pytest.raises(ValueError, match="padded alike and enough for both"):
-        correlate(spectra(a, a, (6, 8)), spectra(a, a, (6, 8)))
+        correlate(spectra(a[None], a, (6, 8)), spectra(a[None], a, (6, 8)))
 
 
 @settings(max_examples=20, deadline=None)
@@ -97,7 +122,7 @@ def test_some_shifts_padded_no_more_than_they_need_correlate_as_among_all(seed, 
     wa, wb = rng.uniform(0.2, 1, a.shape), rng.uniform(0.2, 1, b.shape)
     shifts = Shifts(first_y, first_y + n_y, first_x, first_x + n_x).within(a.shape, b.shape)
     padded = shifts.needs(a.shape, b.shape)
-    some = correlate(spectra(a, wa, padded), spectra(b, wb, padded), shifts)
+    some = alone(correlate(spectra(a[None], wa, padded), spectra(b[None], wb, padded), shifts))
     every = surface_of(a, wa, b, wb)
     at = np.ix_(some.shift_y + b.shape[0] - 1, some.shift_x + b.shape[1] - 1)
     assert np.array_equal(some.overlap, every.overlap[at])

@@ -22,7 +22,7 @@ def test_a_plane_slopes_along_the_turned_axes(yaw):
     slope = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]) @ [0.1, 0.02]
     whole = turned.weight == 1.0  # blocks at the edge are centred elsewhere
     assert whole.sum() > 400
-    assert turned.z[whole] == pytest.approx((slope[0] * x + slope[1] * y)[whole], abs=1e-9)
+    assert turned.values[0][whole] == pytest.approx((slope[0] * x + slope[1] * y)[whole], abs=1e-9)
 
 
 def test_all_of_a_relief_lies_on_the_turned_grid():
@@ -37,7 +37,7 @@ def test_cells_without_trust_have_none_when_turned():
     relief = relief_of(np.where(weight > 0, 1.0, 0.0), weight)
     turned = turn(relief, np.pi, 1.0)
     assert not turned.weight[:, -19:].any()
-    assert turned.z[turned.weight > 0] == pytest.approx(1.0)
+    assert turned.values[0][turned.weight > 0] == pytest.approx(1.0)
 
 
 def test_a_copy_is_made_once_and_the_oldest_go():
@@ -49,4 +49,4 @@ def test_a_copy_is_made_once_and_the_oldest_go():
     for k in range(1, 100):
         relief.at(k)
     assert relief.at(0) is not first
-    assert np.array_equal(relief.at(0).z, first.z)
+    assert np.array_equal(relief.at(0).values, first.values)
