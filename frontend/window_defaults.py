@@ -9,10 +9,11 @@ from frontend.windows import WindowConfig, window_length
 # Windows two lengths apart are compared, so that of eight most have partners; a shorter track leaves too few.
 _WINDOWS_A_TRACK = 8
 _LEAST_SLANT_RANGES = 0.5  # shorter, and a window holds too little floor to be told from another
-# A window and those that share pings with it are compared together: 2.5 lengths, as much as before of a default.
+# A window is compared with those that share pings with it: 2.5 lengths, which on such a dive is some 1.5 slant ranges.
 _SHORT_OVERLAP = 0.75
-# Legs side by side turn by half a circle, waves add some; a track that crosses itself turns by more [rad].
-_TURNS_BACK = 1.25 * np.pi
+# A turn between two legs nearer than its circle is wide swings out by up to 60 deg before and after; a track that goes
+# round turns by more [rad].
+_GOES_ROUND = 2 * np.pi
 
 
 def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajectory) -> WindowConfig:
@@ -30,8 +31,8 @@ def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajecto
     Returns
     -------
     config : WindowConfig
-        As given where the length is set, where the headings span less than five eighths of a circle, or where 1.5 slant
-        ranges are no more than an eighth of the distance run. Else with that eighth as length, at least half a slant
+        As given where the length is set, where the headings span less than a whole circle, or where 1.5 slant ranges
+        are no more than an eighth of the distance run. Else with that eighth as length, at least half a slant
         range, and an overlap of 0.75.
 
     Notes
@@ -51,7 +52,7 @@ def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajecto
     if config.length is not None or len(trajectory_dr) == 0:
         return config
     usual, share = window_length(slant_range, config), float(trajectory_dr.distance[-1]) / _WINDOWS_A_TRACK
-    if not 0 < share < usual or heading_spread(trajectory_dr) < _TURNS_BACK:
+    if not 0 < share < usual or heading_spread(trajectory_dr) < _GOES_ROUND:
         return config
     length = max(share, _LEAST_SLANT_RANGES * slant_range)
     overlap = _SHORT_OVERLAP if config.overlap is None else config.overlap

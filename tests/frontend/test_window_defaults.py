@@ -30,8 +30,8 @@ def test_windows_are_no_shorter_than_half_a_slant_range():
     assert suit_track(WindowConfig(), RANGE, arc(60.0, 3.5 * np.pi)).length == 15.0
 
 
-@pytest.mark.parametrize("turn", [0.0, np.pi, -1.2 * np.pi])
-def test_a_track_that_does_not_turn_back_keeps_the_windows_of_the_range(turn):
+@pytest.mark.parametrize("turn", [0.0, np.pi, -1.6 * np.pi])
+def test_a_track_that_does_not_go_round_keeps_the_windows_of_the_range(turn):
     assert suit_track(WindowConfig(), RANGE, arc(160.0, turn)) == WindowConfig()
 
 
@@ -60,7 +60,7 @@ def test_an_overlap_that_nobody_set_is_a_half():
     assert resolve_windows(WindowConfig(overlap=0.0), RANGE, 0.2).overlap == 0.0
 
 
-@given(st.floats(20.0, 350.0), st.floats(1.3 * np.pi, 8 * np.pi))
+@given(st.floats(20.0, 350.0), st.floats(2.1 * np.pi, 8 * np.pi))
 def test_windows_that_share_pings_reach_as_far_as_in_a_long_dive_or_over_the_track(distance, turn):
     track = arc(distance, turn)
     windows = sliding_windows(track, RANGE, suit_track(WindowConfig(), RANGE, track))
