@@ -18,6 +18,7 @@ from frontend.registration import RegistrationConfig
 from frontend.relief import ReliefConfig
 from frontend.search import SearchConfig, search
 from frontend.submaps import Submap
+from frontend.threads import in_order
 from frontend.trajectory import Trajectory
 from frontend.verification import Preview, Verification, preview, verify
 
@@ -125,7 +126,7 @@ def compare_pairs(
     prior_covariance: PriorCovariance,
     config: LoopClosureConfig | None = None,
 ) -> Iterator[LoopClosure]:
-    """Compare pairs one after the other, so that a caller can show progress.
+    """Compare pairs, several at once; they come one by one, so that a caller can show progress.
 
     Parameters
     ----------
@@ -152,13 +153,15 @@ def compare_pairs(
         raise ValueError(f"every submap needs its features, got {len(features)} for {len(submaps)} submaps")
     config = config or LoopClosureConfig()
     places = Places(submaps, config.relief, config.search)
-    for target, source in pairs:
+
+    def prepared(target: int, source: int) -> tuple[_Pair, Prior]:
         T_dr = predicted_transform(submaps[target], submaps[source])
-        prior = Prior(T_dr, prior_covariance(target, source), config.pairs.gate)
         pair = _Pair(
             (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
         )
-        yield _compare(pair, prior, config)
+        return pair, Prior(T_dr, prior_covariance(target, source), config.pairs.gate)
+
+    yield from in_order(lambda job: _compare(*job, config), (prepared(*pair) for pair in pairs))
 
 
 def recognise_pairs(
@@ -190,16 +193,13 @@ def recognise_pairs(
     wide = config.search.model_copy(update={"yaw_step": _COARSER * config.search.yaw_step})
     config = config.model_copy(update={"acceptance": config.acceptance.anywhere(len(submaps)), "search": wide})
     places = Places(submaps, config.relief, config.search)
-    for target, source in pairs:
-        pair = _Pair(
+
+    def prepared(target: int, source: int) -> _Pair:
+        return _Pair(
             (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
         )
-        reliefs = [side.layers.relief for side in pair.sides]
-        if not min(relief.area for relief in reliefs):
-            closure = _row(pair, 0, None, Rejection.FLAT)
-        else:
-            closure = _compare(pair, anywhere(reliefs[0], reliefs[1], config.pairs.gate), config)
-        yield replace(closure, is_from_appearance=True)
+
+    yield from in_order(lambda pair: _recognise(pair, config), (prepared(*pair) for pair in pairs))
 
 
 @dataclass(frozen=True)
@@ -210,6 +210,16 @@ class _Pair:
     sides: tuple[Place, Place]
     features: tuple[Features, Features]
     covariance: PriorCovariance
+
+
+def _recognise(pair: _Pair, config: LoopClosureConfig) -> LoopClosure:
+    """Compare a pair wherever and however it may meet."""
+    reliefs = [side.layers.relief for side in pair.sides]
+    if not min(relief.area for relief in reliefs):
+        closure = _row(pair, 0, None, Rejection.FLAT)
+    else:
+        closure = _compare(pair, anywhere(reliefs[0], reliefs[1], config.pairs.gate), config)
+    return replace(closure, is_from_appearance=True)
 
 
 def _compare(pair: _Pair, prior: Prior, config: LoopClosureConfig) -> LoopClosure:
