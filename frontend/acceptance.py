@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.chance import joint_chance
 from frontend.priors import Prior
+from frontend.probability import ProbabilityConfig, probability
 from frontend.verification import Verification
 
 
@@ -16,7 +17,6 @@ class Rejection(StrEnum):
     NO_ALIGNMENT = "no alignment inside the gate overlaps enough"
     OUTSIDE_GATE = "the alignment left the gate of the dead reckoning"
     LITTLE_OVERLAP = "the overlap is too small"
-    LOW_CORRELATION = "the heights correlate too little"
     BY_CHANCE = "the correlation may be chance"
     AMBIGUOUS = "another alignment is nearly as good"
     HEIGHTS_DISAGREE = "the heights differ by more than their uncertainty"
@@ -34,18 +34,12 @@ class AcceptanceConfig(BaseModel):
         le=1,
         description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
     )
-    min_correlation: float = Field(
-        default=0.2,
+    probability: ProbabilityConfig = ProbabilityConfig()
+    min_probability: float = Field(
+        default=0.97,
         gt=0,
         lt=1,
-        description="Least correlation of heights or reflectivities [1]: below, even a sure one aligns badly.",
-    )
-    max_chance: float = Field(
-        default=1e-4,
-        gt=0,
-        lt=1,
-        description="Largest chance that unrelated floors align as well inside the gate [1 a pair]; the back end "
-        "asks for agreement on top.",
+        description="Least probability that the place is the same [1]; the back end asks for agreement on top.",
     )
     min_lead: float = Field(
         default=1.0, ge=0, description="Least lead in significance over the next best alignment [standard deviations]."
@@ -81,10 +75,10 @@ class AcceptanceConfig(BaseModel):
         Returns
         -------
         config : AcceptanceConfig
-            As this one, the chance shared among the places and the lead longer.
+            As this one, true pairs as much rarer as there are places, and the lead longer.
         """
-        strict = {"max_chance": self.max_chance / max(n_places, 1), "min_lead": self.min_lead_anywhere}
-        return self.model_copy(update=strict)
+        rare = self.probability.model_copy(update={"share": self.probability.share / max(n_places, 1)})
+        return self.model_copy(update={"probability": rare, "min_lead": self.min_lead_anywhere})
 
 
 def decide(verification: Verification, runner_up: float, prior: Prior, config: AcceptanceConfig) -> Rejection | None:
@@ -106,17 +100,34 @@ def decide(verification: Verification, runner_up: float, prior: Prior, config: A
     rejection : Rejection or None
         The first rule that is broken; None to accept.
     """
-    v = verification
+    v, lead = verification, lead_of(verification, runner_up)
     broken = {
         Rejection.OUTSIDE_GATE: not prior.admits(v.T_target_source),
         Rejection.LITTLE_OVERLAP: v.overlap < config.min_overlap,
-        Rejection.LOW_CORRELATION: max(v.correlation, v.reflectivity_correlation) < config.min_correlation,
-        Rejection.BY_CHANCE: chance_of(v, prior) > config.max_chance,
-        Rejection.AMBIGUOUS: v.level - runner_up < config.min_lead,
+        Rejection.AMBIGUOUS: lead < config.min_lead,
+        Rejection.BY_CHANCE: probability(lead, chance_of(v, prior), config.probability) < config.min_probability,
         Rejection.HEIGHTS_DISAGREE: not v.height_residual <= config.max_height_residual,
         Rejection.LOOSE: not max(v.sigmas[3], v.sigmas[4]) <= config.max_sigma,
     }
     return next((rejection for rejection, is_broken in broken.items() if is_broken), None)
+
+
+def lead_of(verification: Verification, runner_up: float) -> float:
+    """Lead in significance over the best alignment elsewhere.
+
+    Parameters
+    ----------
+    verification : Verification
+        The best alignment of a pair.
+    runner_up : float
+        Significance of the best alignment elsewhere [standard deviations]; below chance it counts as none.
+
+    Returns
+    -------
+    lead : float
+        Standard deviations.
+    """
+    return verification.level - max(runner_up, 0.0)
 
 
 def chance_of(verification: Verification, prior: Prior) -> float:

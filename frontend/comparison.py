@@ -56,6 +56,21 @@ class Place:
         """
         return self.members[int(np.argmin(np.hypot(*(self.anchors - point).T)))]
 
+    def ahead_of_anchor(self, point: FloatArray) -> float:
+        """How far a point lies ahead of the nearest member's anchor.
+
+        Parameters
+        ----------
+        point : ndarray, shape (2,)
+            In the submap's frame [m].
+
+        Returns
+        -------
+        distance : float
+            Along the submap's heading [m]; the rest of the way is drift between anchors.
+        """
+        return float(point[0] - self.anchors[self.member_at(point) - self.members.start, 0])
+
 
 class Places:
     """The places of a dive, each made when first asked for.
@@ -112,7 +127,11 @@ class Places:
 
 
 def with_drift(
-    verification: Verification, sides: tuple[Place, Place], positions: tuple[int, int], covariance: PriorCovariance
+    verification: Verification,
+    sides: tuple[Place, Place],
+    positions: tuple[int, int],
+    covariance: PriorCovariance,
+    misalignment: float = 0.0,
 ) -> Verification:
     """Add to an alignment's sigmas what dead reckoning may be wrong between the anchors and the floor compared.
 
@@ -126,15 +145,26 @@ def with_drift(
         Their positions among the submaps.
     covariance : callable
         Covariance (6, 6) of the pose of one submap seen from an earlier one by dead reckoning, rotation first.
+    misalignment : float
+        Standard deviation of the turn of the velocity against the heading [rad], the same for all submaps.
 
     Returns
     -------
     verification : Verification
-        The same alignment, less sure where the overlap lies on the neighbours' floor.
+        The same alignment, less sure where the overlap lies on the neighbours' floor or far ahead of an anchor.
+
+    Notes
+    -----
+    Beams stand athwart the heading and pings along the velocity, so a misalignment m shears a window: a place x ahead
+    of the anchor lies m x too far to port. The alignment is then in error by ``m ([0, x_t] - R_target_source
+    [0, x_s])``, nothing where two passes in one direction see a place at the same distance ahead.
     """
     point = np.array([*verification.middle, 0.0])
     points = (transform(verification.T_target_source, point)[:2], point[:2])
-    variance = verification.sigmas**2
+    R, variance = verification.T_target_source[:2, :2], verification.sigmas**2
+    ahead = [side.ahead_of_anchor(there) for side, there in zip(sides, points, strict=True)]
+    sheared = misalignment * (np.array([0.0, ahead[0]]) - R @ np.array([0.0, ahead[1]]))
+    variance[3:5] += sheared**2
     for side, position, there in zip(sides, positions, points, strict=True):
         member = side.member_at(there)
         if member != position:

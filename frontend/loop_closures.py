@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from frontend.acceptance import AcceptanceConfig, Rejection, decide
+from frontend.acceptance import AcceptanceConfig, Rejection, chance_of, decide, lead_of
 from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray, IntArray
 from frontend.comparison import Place, Places, with_drift
@@ -47,6 +47,10 @@ class LoopClosure:
         Why not, without a comma; empty when accepted.
     is_from_appearance : bool
         Whether the place was chosen for its likeness alone, wherever dead reckoning has it.
+    chance : float
+        Chance that unrelated floors align as well inside the gate of the pair; NaN where there is no alignment.
+    lead : float
+        Lead in significance over the best alignment elsewhere [standard deviations]; NaN likewise.
     """
 
     target: int
@@ -60,6 +64,8 @@ class LoopClosure:
     accepted: bool
     reason: str
     is_from_appearance: bool = False
+    chance: float = float("nan")
+    lead: float = float("nan")
 
 
 class LoopClosureConfig(BaseModel):
@@ -84,6 +90,8 @@ class _Alignment:
 
     verification: Verification
     n_inliers: int
+    chance: float
+    lead: float
 
 
 def find_loop_closures(
@@ -236,12 +244,14 @@ def _compare(pair: _Pair, prior: Prior, config: LoopClosureConfig) -> LoopClosur
     inside = [p for p in previews if prior.admits(p.T_target_source)]
     first = max(inside or previews, key=lambda p: p.significance)
     best = verify(target.layers, source.layers, first.T_target_source, config.registration)
-    best = with_drift(best, pair.sides, pair.positions, pair.covariance)
+    best = with_drift(best, pair.sides, pair.positions, pair.covariance, config.registration.misalignment)
     others = [p.significance for p in previews if _is_elsewhere(p, best, config.search.separation)]
-    rejection = decide(best, max(others, default=0.0), prior, config.acceptance)
+    runner_up = max(others, default=0.0)
+    rejection = decide(best, runner_up, prior, config.acceptance)
     p, q = (features.keypoints[matches[:, k]] for k, features in enumerate(pair.features))
     n_inliers = int(agreeing(p, q, best.T_target_source, config.matching).sum())
-    return _row(pair, len(matches), _Alignment(best, n_inliers), rejection)
+    found = _Alignment(best, n_inliers, chance_of(best, prior), lead_of(best, runner_up))
+    return _row(pair, len(matches), found, rejection)
 
 
 def _proposals(pair: _Pair, matches: IntArray, prior: Prior, config: LoopClosureConfig) -> list[FloatArray]:
@@ -272,4 +282,6 @@ def _row(pair: _Pair, n_matches: int, alignment: _Alignment | None, rejection: R
         overlap=v.overlap if v else float("nan"),
         accepted=rejection is None,
         reason=str(rejection) if rejection else "",
+        chance=alignment.chance if alignment else float("nan"),
+        lead=alignment.lead if alignment else float("nan"),
     )

@@ -11,20 +11,21 @@ class ProbabilityConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     offset: float = Field(
-        default=-6.3,
-        description="Log odds [1] of an alignment without lead or correlation; as the two below, fitted on simulated "
-        "dives.",
+        default=-2.7,
+        description="Log odds [1] of an alignment without lead that one pair of unrelated floors shows; as the two "
+        "below, fitted on simulated dives.",
     )
     lead: float = Field(
         default=1.6,
         gt=0,
-        description="Log odds a standard deviation [1] by which the best alignment leads the next best one.",
+        description="Log odds a standard deviation [1] by which the best alignment leads the next best one: what "
+        "chance and likeness give on this very floor.",
     )
-    correlation: float = Field(
-        default=15.0,
+    chance: float = Field(
+        default=0.8,
         gt=0,
-        description="Log odds a unit of correlation of the heights [1]: sparse boulders lead by chance, but correlate "
-        "little.",
+        description="Log odds a power of ten [1] of the chance that unrelated floors align as well; a third of what "
+        "an exact one would be worth.",
     )
     share: float = Field(
         default=0.45,
@@ -36,21 +37,18 @@ class ProbabilityConfig(BaseModel):
 
 
 _FITTED_SHARE = 0.45  # of true alignments among those that the offset was fitted to
+_LEAST, _MOST = 1e-12, 1e2  # chances between which the fit has seen enough of both kinds
 
 
-def log_odds(
-    significance: float, runner_up: float, correlation: float, config: ProbabilityConfig | None = None
-) -> float:
+def log_odds(lead: float, chance: float, config: ProbabilityConfig | None = None) -> float:
     """Logarithm of how much likelier it is that an alignment is true than that it is false.
 
     Parameters
     ----------
-    significance : float
-        Of the best alignment inside the gate [standard deviations above chance].
-    runner_up : float
-        The same of the best alignment elsewhere; below 0 it counts as none.
-    correlation : float
-        Of the heights over the overlap, in [-1, 1].
+    lead : float
+        Significance of the best alignment less that of the best one elsewhere [standard deviations].
+    chance : float
+        Expected number of alignments inside the gate at which unrelated floors are as significant.
     config : ProbabilityConfig, optional
         Weights, and how many of the compared pairs are true.
 
@@ -62,32 +60,29 @@ def log_odds(
     Raises
     ------
     ValueError
-        If a number is not finite, or the correlation is none.
+        If the lead is not finite, or the chance no number or negative.
 
     Notes
     -----
-    A logistic model. The lead is that over the best of all other alignments that the same search found, so a wider
-    gate, whose chance peaks are higher, needs no term of its own. Another share of true pairs changes the odds by
-    Bayes' rule.
+    A logistic model. The chance is a theory's, of Gaussian floors; the lead is measured on the pair itself, where
+    floors are sparse or repeat themselves. Another share of true pairs changes the odds by Bayes' rule.
     """
     config = config or ProbabilityConfig()
-    if not np.isfinite([significance, runner_up]).all():
-        raise ValueError(f"significances must be finite, got {significance} and {runner_up}")
-    if not -1 <= correlation <= 1:
-        raise ValueError(f"a correlation lies between -1 and 1, got {correlation}")
-    lead = significance - max(runner_up, 0.0)
-    prior = logit(config.share) - logit(_FITTED_SHARE)
-    return float(config.offset + prior + config.lead * lead + config.correlation * correlation)
+    if not np.isfinite(lead):
+        raise ValueError(f"a lead must be finite, got {lead}")
+    if not chance >= 0:
+        raise ValueError(f"a chance must not be negative, got {chance}")
+    decades = -float(np.log10(min(max(chance, _LEAST), _MOST)))
+    prior = float(logit(config.share) - logit(_FITTED_SHARE))
+    return config.offset + prior + config.lead * lead + config.chance * decades
 
 
-def probability(
-    significance: float, runner_up: float, correlation: float, config: ProbabilityConfig | None = None
-) -> float:
+def probability(lead: float, chance: float, config: ProbabilityConfig | None = None) -> float:
     """Probability that an alignment is true: within 3 m and 5 degrees.
 
     Parameters
     ----------
-    significance, runner_up, correlation : float
+    lead, chance : float
         As in `log_odds`.
     config : ProbabilityConfig, optional
         Weights, and how many of the compared pairs are true.
@@ -99,9 +94,9 @@ def probability(
 
     Examples
     --------
-    >>> round(probability(7.0, 4.0, 0.4), 2)
+    >>> round(probability(3.0, 1e-3), 2)
     0.99
-    >>> round(probability(5.0, 4.5, 0.2), 2)
-    0.08
+    >>> round(probability(0.5, 0.1), 2)
+    0.25
     """
-    return float(expit(log_odds(significance, runner_up, correlation, config)))
+    return float(expit(log_odds(lead, chance, config)))

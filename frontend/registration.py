@@ -32,7 +32,10 @@ class RegistrationConfig(BaseModel):
         default=0.035, gt=0, description="Largest turn of one step [rad]: a cell at the edge of a submap."
     )
     tuning: float = Field(
-        default=3.0, gt=0, description="Residuals [robust standard deviations] from which Tukey's weight is 0."
+        default=12.0,
+        gt=0,
+        description="Residuals [robust standard deviations] from which Tukey's weight is 0: wild ones only. Among "
+        "boulders all that tells the place stands out of the floor between them.",
     )
     block: float = Field(
         default=12.0,
@@ -50,9 +53,15 @@ class RegistrationConfig(BaseModel):
         description="Least standard deviation of x and y [m]: a tenth of a cell, the interpolation's error.",
     )
     min_sigma_yaw: float = Field(
-        default=0.002,
+        default=0.005,
         ge=0,
         description="Least standard deviation of the yaw [rad]: drift of the heading inside a window.",
+    )
+    misalignment: float = Field(
+        default=0.01,
+        ge=0,
+        description="Turn of the velocity against the heading sensor [rad], as "
+        "dead_reckoning.velocity_misalignment_sd: it shears windows, a place far ahead of the anchor is put aside.",
     )
     gauge_sigma: float = Field(
         default=0.3, ge=0, description="Standard deviation of a window's height offset [m], which echoes hardly fix."

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frontend.acceptance import AcceptanceConfig, Rejection, chance_of, decide
+from frontend.acceptance import AcceptanceConfig, Rejection, chance_of, decide, lead_of
 from frontend.frames import planar_pose
 from frontend.priors import Prior
 from frontend.verification import Verification
@@ -37,8 +37,7 @@ def test_a_good_alignment_is_accepted():
         ({"T_target_source": planar_pose(40.0, 0.0, 0.0)}, 3.0, Rejection.OUTSIDE_GATE),
         ({"T_target_source": planar_pose(0.0, 0.0, 0.5)}, 3.0, Rejection.OUTSIDE_GATE),
         ({"overlap": 0.2}, 3.0, Rejection.LITTLE_OVERLAP),
-        ({"correlation": 0.15, "reflectivity_correlation": 0.15}, 3.0, Rejection.LOW_CORRELATION),
-        ({"significance": 4.5}, 2.0, Rejection.BY_CHANCE),
+        ({"significance": 3.0}, 1.5, Rejection.BY_CHANCE),
         ({}, 8.5, Rejection.AMBIGUOUS),
         ({"height_residual": 9.0}, 3.0, Rejection.HEIGHTS_DISAGREE),
         ({"height_residual": float("nan")}, 3.0, Rejection.HEIGHTS_DISAGREE),
@@ -48,6 +47,23 @@ def test_a_good_alignment_is_accepted():
 )
 def test_each_rule_that_is_broken_is_named(change, runner_up, rejection):
     assert decide(replace(GOOD, **change), runner_up, PRIOR, AcceptanceConfig()) is rejection
+
+
+def test_a_long_lead_makes_up_for_some_chance_and_the_other_way_round():
+    config, faint = AcceptanceConfig(), replace(GOOD, significance=4.9)
+    assert chance_of(faint, PRIOR) > 1e-3
+    assert decide(faint, faint.level - 4.0, PRIOR, config) is None
+    assert decide(faint, faint.level - 1.5, PRIOR, config) is Rejection.BY_CHANCE
+    assert decide(GOOD, GOOD.level - 1.5, PRIOR, config) is None
+
+
+def test_more_is_asked_for_where_more_is_asked():
+    config = AcceptanceConfig(min_probability=1 - 1e-9)
+    assert decide(GOOD, 3.0, PRIOR, config) is Rejection.BY_CHANCE
+
+
+def test_a_next_best_below_chance_is_no_further_lead():
+    assert lead_of(GOOD, -3.0) == lead_of(GOOD, 0.0) == GOOD.level
 
 
 def test_reasons_hold_no_comma_and_fit_a_line():

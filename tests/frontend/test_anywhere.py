@@ -92,10 +92,10 @@ def test_the_gate_holds_every_heading_and_shift_that_overlaps_by_a_quarter():
         assert prior.admits(planar_pose(a.centre[0] - 58.0, a.centre[1], yaw))
 
 
-def test_the_chance_allowed_is_shared_among_the_places():
-    config = AcceptanceConfig(max_chance=1e-5, min_lead_anywhere=2.0)
+def test_true_pairs_are_as_much_rarer_as_there_are_places():
+    config = AcceptanceConfig(min_lead_anywhere=2.0)
     strict = config.anywhere(50)
-    assert strict.max_chance == pytest.approx(2e-7)
+    assert strict.probability.share == pytest.approx(config.probability.share / 50)
     assert strict.min_lead == 2.0
-    assert config.anywhere(0).max_chance == 1e-5
+    assert config.anywhere(0).probability == config.probability
     assert strict.min_overlap == config.min_overlap

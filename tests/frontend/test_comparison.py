@@ -78,6 +78,20 @@ def test_where_the_neighbours_floor_decided_the_drift_to_it_is_added(places):
     np.testing.assert_allclose(grown, [0.0, 0.0, 4e-4, 0.4, 0.4, 0.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("yaw", [0.0, np.pi / 2, np.pi, 0.7])
+def test_a_misalignment_shears_both_sides_by_the_distance_ahead_of_their_anchors(places, yaw):
+    T, middle, m = planar_pose(4.0, -6.0, yaw), np.array([9.0, 5.0]), 0.02
+    verification, sides = aligned(places, 1, 5, T)
+    placed = replace(verification, T_target_source=T, middle=middle, sigmas=np.full(6, 0.1))
+    sure, less_sure = (with_drift(placed, sides, (1, 5), lambda _a, _b: np.zeros((6, 6)), k) for k in (0.0, m))
+    # both sides draw the same point aside, x ahead by m x to port: the shift that brings them together again
+    there = (T @ [*middle, 0.0, 1.0])[:2]
+    shear = np.array([[1.0, 0.0], [m, 1.0]])
+    shift = shear @ there - T[:2, :2] @ shear @ middle - T[:2, 3]
+    grown = less_sure.sigmas**2 - sure.sigmas**2
+    np.testing.assert_allclose(grown, [0.0, 0.0, 0.0, *shift**2, 0.0], atol=1e-9)
+
+
 def test_without_drift_between_neighbours_nothing_is_added(places):
     verification, sides = aligned(places, 1, 5, planar_pose(40.0, -20.0, np.pi / 2))
     same = with_drift(verification, sides, (1, 5), lambda _a, _b: np.zeros((6, 6)))
