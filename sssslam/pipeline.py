@@ -29,7 +29,16 @@ from sssslam.graph import anchor_pings, make_graph, prior_covariance, solve_at_f
 from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.readers.joining import join
-from sssslam.stages import Skipped, choose_windows, close_loops, correct, decided, notes, reconstruct_windows
+from sssslam.stages import (
+    Skipped,
+    choose_windows,
+    close_loops,
+    correct,
+    decided,
+    describe_submaps,
+    notes,
+    reconstruct_windows,
+)
 from sssslam.watch import Watch
 
 _logger = logging.getLogger(__name__)
@@ -73,7 +82,7 @@ def slam(
         radiometry = calibrate(recording, windows, bottom, config.radiometry, config.reconstruction.joint)
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
     # shape to loop closures
-    features = [describe_submap(submap, config.features) for submap in watch.track("features", submaps)]
+    features = describe_submaps(submaps, config, watch)
     found = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch)
     closures = override(found, overrides)
     # loop closures to a trajectory

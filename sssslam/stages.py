@@ -1,9 +1,7 @@
 """The stages of the method as `sssslam.pipeline` strings them together: the two halves hand over plain values here."""
 
 import logging
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -14,13 +12,14 @@ from backend.dead_reckoning import DeadReckoning
 from backend.pose_graph import PoseGraphSolution
 from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
-from frontend.features import Features
+from frontend.features import Features, describe
 from frontend.loop_closures import LoopClosure, compare_pairs, recognise_pairs
 from frontend.pairs import all_pairs
 from frontend.radiometry import Radiometry
 from frontend.reconstruction import method_of
 from frontend.recording import Recording
 from frontend.submaps import Submap
+from frontend.threads import in_order
 from frontend.trajectory import Trajectory
 from frontend.window_checks import usable_windows
 from frontend.window_defaults import suit_track
@@ -130,9 +129,29 @@ def reconstruct_windows(
         One a window.
     """
     reconstruct = method_of(config.reconstruction)
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # kernels let go of the interpreter's lock
-        submaps = pool.map(lambda window: reconstruct(recording, window, *known), windows)
-        return [next(submaps) for _ in watch.track("reconstruction", windows)]
+    submaps = in_order(lambda window: reconstruct(recording, window, *known), windows)
+    return [next(submaps) for _ in watch.track("reconstruction", windows)]
+
+
+def describe_submaps(submaps: Sequence[Submap], config: Config, watch: Watch) -> list[Features]:
+    """Features of submaps.
+
+    Parameters
+    ----------
+    submaps : sequence of Submap
+        The submaps.
+    config : Config
+        Spacing and radius.
+    watch : Watch
+        Told of progress.
+
+    Returns
+    -------
+    features : list of Features
+        One set a submap.
+    """
+    features = in_order(lambda submap: describe(submap, config.features), submaps)
+    return [next(features) for _ in watch.track("features", submaps)]
 
 
 def close_loops(
