@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from frontend.reconstruction.seafloor import estimate_seafloor
 from frontend.reconstruction.solver import Solution
 from frontend.reconstruction.window_data import WindowData, window_data
 from frontend.recording import Recording
+from frontend.threads import in_order
 from frontend.windows import Window
 
 _FREE = 0.5  # standard deviation of a beam pattern of which nothing is known yet, against its first estimate
@@ -48,19 +50,19 @@ def calibrate(
     """
     estimate = estimate_radiometry(recording, bottom, radiometry)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(radiometry.n_windows, len(windows))).astype(int))
-    data = [window_data(recording, windows[k], bottom, estimate) for k in chosen]
+    data = list(in_order(lambda k: window_data(recording, windows[k], bottom, estimate), chosen))
     if not data:
         return estimate
     altitudes = [float(np.median(part.altitude)) for part in data]
     estimate = _with_seafloor(estimate, data, altitudes, joint)
     free = joint.model_copy(update={"prior": joint.prior.model_copy(update={"beam": _FREE})})
     for _ in range(radiometry.n_rounds):
-        solved = [_coarsely(part, estimate, free) for part in data]
+        solved = list(in_order(partial(_coarsely, estimate, free), data))
         estimate = replace(estimate, tables=_with_common_beam(estimate.tables, solved))
     return _with_seafloor(estimate, data, altitudes, joint)
 
 
-def _coarsely(data: WindowData, radiometry: Radiometry, config: JointConfig) -> tuple[Posterior, Solution]:
+def _coarsely(radiometry: Radiometry, config: JointConfig, data: WindowData) -> tuple[Posterior, Solution]:
     """A window at the finest resolution but one, with the dive's belief: its own would take beam pattern for relief."""
     return descend(coarse_to_fine(data, radiometry, config, 1), config.solver)[-1]
 
@@ -69,7 +71,7 @@ def _with_seafloor(
     radiometry: Radiometry, data: Sequence[WindowData], altitudes: Sequence[float], config: JointConfig
 ) -> Radiometry:
     """The same radiometry with roughness and reflectivity as the echoes show them over a flat floor."""
-    posteriors = [make_posterior(part, radiometry, config) for part in data]
+    posteriors = list(in_order(lambda part: make_posterior(part, radiometry, config), data))
     return replace(radiometry, seafloor=estimate_seafloor(posteriors, altitudes, config.prior.longest))
 
 
