@@ -11,18 +11,18 @@ class ProbabilityConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     offset: float = Field(
-        default=-2.7,
+        default=-3.45,
         description="Log odds [1] of an alignment without lead that one pair of unrelated floors shows; as the two "
         "below, fitted on simulated dives.",
     )
     lead: float = Field(
-        default=1.6,
+        default=1.77,
         gt=0,
         description="Log odds a standard deviation [1] by which the best alignment leads the next best one: what "
         "chance and likeness give on this very floor.",
     )
     chance: float = Field(
-        default=0.8,
+        default=0.82,
         gt=0,
         description="Log odds a power of ten [1] of the chance that unrelated floors align as well; a third of what "
         "an exact one would be worth.",
@@ -97,6 +97,6 @@ def probability(lead: float, chance: float, config: ProbabilityConfig | None = N
     >>> round(probability(3.0, 1e-3), 2)
     0.99
     >>> round(probability(0.5, 0.1), 2)
-    0.25
+    0.15
     """
     return float(expit(log_odds(lead, chance, config)))

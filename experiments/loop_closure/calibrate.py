@@ -12,18 +12,19 @@ from dives import INFORMATIVE, TUNING_SEEDS
 from report import HALF, THIRD, is_right, is_seen_again
 from scipy.optimize import minimize
 
-from frontend.acceptance import AcceptanceConfig
+from frontend.acceptance import AcceptanceConfig, Rejection
 from frontend.probability import probability
 
 Record = dict[str, Any]
 HERE = Path(__file__).resolve().parent
 EDGES = (0.0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999, 1.0)
+_CHANCES = (1e-12, 1e2)  # beyond which one counts no more, as in `frontend.probability`
 _SHRINK = 0.1  # of the weights of standardised numbers: a hundredth of what the records say
 
 
 def fit(records: Sequence[Record]) -> tuple[float, float, float]:
-    """Offset and the weights of lead and correlation that make the truth of the records likeliest."""
-    x = np.array([[r["significance"] - max(r["runner_up"], 0.0), r["correlation"]] for r in records])
+    """Offset and the weights of lead and decades of chance that make the truth of the records likeliest."""
+    x = np.array([[r["lead"], -np.log10(np.clip(r["chance"], *_CHANCES))] for r in records])
     sign = np.where([is_right(r) for r in records], 1.0, -1.0)
     mean, scale = x.mean(axis=0), x.std(axis=0)
     design = np.column_stack([np.ones(len(x)), (x - mean) / scale])
@@ -38,7 +39,7 @@ def fit(records: Sequence[Record]) -> tuple[float, float, float]:
 
 def said(record: Record) -> float:
     """What `frontend.probability` says of a record."""
-    return probability(record["significance"], record["runner_up"], record["correlation"])
+    return probability(record["lead"], record["chance"])
 
 
 def by_chance(record: Record) -> float:
@@ -61,35 +62,33 @@ def log_loss(records: Sequence[Record], claim: Callable[[Record], float]) -> flo
 
 
 def fits(record: Record) -> bool:
-    """Whether the rules on geometry hold."""
-    rules = AcceptanceConfig()
-    return bool(
-        record["inside"]
-        and record["overlap"] >= rules.min_overlap
-        and record["height_residual"] <= rules.max_height_residual
-        and max(record["sigma_x"], record["sigma_y"]) <= rules.max_sigma
-    )
+    """Whether the rules on geometry hold; only they and the lead come before that on probability."""
+    return record["reason"] in ("", Rejection.BY_CHANCE, Rejection.AMBIGUOUS)
+
+
+def is_loose(record: Record) -> bool:
+    """Whether the alignment is open in a direction, a rule that comes last."""
+    return max(record["sigma_x"], record["sigma_y"]) > AcceptanceConfig().max_sigma
 
 
 def is_sure(record: Record, least: float) -> bool:
-    """The rules on geometry and a probability, in the place of chance, lead and least correlation."""
-    return "chance" in record and fits(record) and said(record) >= least
+    """The rules on geometry, a probability and the least lead."""
+    sure = "chance" in record and fits(record) and not is_loose(record) and said(record) >= least
+    return bool(sure and record["lead"] >= AcceptanceConfig().min_lead)
 
 
 def is_no_chance(record: Record) -> bool:
-    """The rules as they are, the chance that of the shape alone, without the witness of the reflectivity."""
-    if "chance" not in record:
+    """A chance of 1e-4, a lead of 1 and a correlation of 0.2 in the place of the probability."""
+    if "chance" not in record or not fits(record) or is_loose(record):
         return False
-    rules, lead = AcceptanceConfig(), record["significance"] - record["runner_up"]
-    sure = record["shape_chance"] <= rules.max_chance and record["correlation"] >= rules.min_correlation
-    return bool(fits(record) and sure and lead >= rules.min_lead)
+    return bool(record["chance"] <= 1e-4 and record["lead"] >= 1.0 and record["correlation"] >= 0.2)
 
 
 def acceptance_lines(records: Sequence[Record]) -> Iterable[str]:
     """What would be accepted at several probabilities, beside what is."""
     yield "| rule | accepted | false | informative, 50 % and more | 30 to 50 % |\n|---|---|---|---|---|"
     yield _counts("as it is", records, lambda r: bool(r.get("accepted")))
-    yield _counts("chance of the shape alone", records, is_no_chance)
+    yield _counts("chance of 1e-4, lead of 1, correlation of 0.2", records, is_no_chance)
     for least in (0.9, 0.95, 0.97, 0.98, 0.99, 0.997):
         yield _counts(f"probability of {least} and more", records, lambda r, p=least: is_sure(r, p))
 
@@ -118,7 +117,7 @@ def main() -> None:
     records = [record for file in files for record in json.loads(file.read_text())]
     verified = [r for r in records if "chance" in r]
     tuning = [r for r in verified if r["seed"] in TUNING_SEEDS]
-    print("Fit: offset {:.2f}, lead {:.2f}, correlation {:.1f}".format(*fit(tuning)), end=", ")
+    print("Fit: offset {:.2f}, lead {:.2f}, chance {:.2f}".format(*fit(tuning)), end=", ")
     print(f"{np.mean([is_right(r) for r in tuning]):.2f} of {len(tuning)} right.\n")
     print("Tuning seeds.", "", *acceptance_lines([r for r in records if r["seed"] in TUNING_SEEDS]), "", sep="\n")
     for heading in ("known", "unknown"):

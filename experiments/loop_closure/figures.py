@@ -10,7 +10,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 Curve = tuple[np.ndarray, np.ndarray]
-_ROWS = ("chain", "correlation", "ransac", "fgr", "kiss-matcher", "map-closures", "probability")
+_ROWS = ("chain", "correlation", "ransac", "fgr", "kiss-matcher", "map-closures", "chance")
 _COLOURS = {row: f"C{k}" for k, row in enumerate(_ROWS)}
 
 

@@ -12,8 +12,6 @@ import numpy as np
 from dives import INFORMATIVE, TUNING_SEEDS
 from scipy.stats import chi2
 
-from frontend.probability import log_odds
-
 Record = dict[str, Any]
 MAX_SHIFT, MAX_TURN = 3.0, np.radians(5.0)  # of a true closure, as `sssslam evaluate` has it
 TURNS = ("0", "30", "90", "150", "180", "random")
@@ -30,7 +28,7 @@ def overlap_class(overlap: float, elsewhere: bool) -> str:
 def write(files: Sequence[Path], out: Path) -> None:
     """All tables as markdown, printed and kept, and the figures beside them."""
     records = [record for file in files for record in json.loads(file.read_text())]
-    reporting = [r for r in records + by_probability(records) if r["seed"] not in TUNING_SEEDS]
+    reporting = [r for r in records + by_chance(records) if r["seed"] not in TUNING_SEEDS]
     shipped = [r for r in reporting if r["row"] == "chain"]
     parts = [f"Commit {commit()}.", "Reporting seeds.", ranking_table(reporting)]
     parts += [turn_table(reporting), "As accepted.", accepted_table(shipped), "Tuning seeds, as accepted."]
@@ -42,13 +40,11 @@ def write(files: Sequence[Path], out: Path) -> None:
     figures.draw_curves({name: curve(group) for name, group in rows_of(told)}, out / "precision_recall.png")
 
 
-def by_probability(records: Sequence[Record]) -> list[Record]:
-    """What the chain found, ranked by the probability that it is true."""
-    verified = [r for r in records if r["row"] == "chain" and "chance" in r]
-    others = [r for r in records if r["row"] == "chain" and "chance" not in r]
-    scores = [log_odds(r["significance"], r["runner_up"], r["correlation"]) for r in verified]
-    ranked = [{**r, "score": score} for r, score in zip(verified, scores, strict=True)]
-    return [{**r, "row": "probability"} for r in ranked + others]
+def by_chance(records: Sequence[Record]) -> list[Record]:
+    """What the chain found, ranked by the chance of unrelated floors instead of the probability."""
+    chain = [r for r in records if r["row"] == "chain"]
+    scores = [-np.log10(max(r["chance"], 1e-300)) if np.isfinite(r["score"]) else -np.inf for r in chain]
+    return [{**r, "row": "chance", "score": float(score)} for r, score in zip(chain, scores, strict=True)]
 
 
 def is_right(record: Record) -> bool:

@@ -1,26 +1,24 @@
 """The rows of the table: what is given two submaps and a prior, and says where they match and how surely."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 import peers
 
-from frontend.acceptance import Rejection, chance_of, decide
+from frontend.acceptance import Rejection
 from frontend.arrays import FloatArray
-from frontend.chance import expected_by_chance
 from frontend.features import Features, describe
 from frontend.frames import planar_parameters
-from frontend.loop_closures import LoopClosureConfig
-from frontend.matching import agreeing, find_consensus, mutual_matches
+from frontend.loop_closures import LoopClosure, LoopClosureConfig, compare_pairs
 from frontend.overlap import Layers, stack_layers
 from frontend.priors import Prior
+from frontend.probability import log_odds
 from frontend.relief import extract_relief
 from frontend.search import search
 from frontend.submaps import Submap
 from frontend.turning import TurnedRelief
-from frontend.verification import Preview, Verification, preview, verify
 from sssslam.config import Config
 
 CONFIG = LoopClosureConfig()
@@ -28,13 +26,26 @@ Numbers = dict[str, float | str | bool]
 
 
 class Place:
-    """What the rows need of a submap, made once."""
+    """What the rows need of a submap, each part made when first asked for."""
 
     def __init__(self, submap: Submap) -> None:
-        relief, heading = extract_relief(submap, CONFIG.relief), planar_parameters(submap.T_world_submap_dr)[2]
-        self.layers: Layers = stack_layers(relief)
-        self.turned = TurnedRelief(relief, heading, CONFIG.search.yaw_step, CONFIG.search.search_spacing)
-        self.features: Features = describe(submap, Config().features)
+        self.submap = submap
+
+    @cached_property
+    def layers(self) -> Layers:
+        """Its rasters."""
+        return stack_layers(extract_relief(self.submap, CONFIG.relief))
+
+    @cached_property
+    def turned(self) -> TurnedRelief:
+        """The same for the search."""
+        heading = planar_parameters(self.submap.T_world_submap_dr)[2]
+        return TurnedRelief(self.layers.relief, heading, CONFIG.search.yaw_step, CONFIG.search.search_spacing)
+
+    @cached_property
+    def features(self) -> Features:
+        """Its keypoints and descriptors."""
+        return describe(self.submap, Config().features)
 
     @cached_property
     def cloud(self) -> peers.Cloud:
@@ -55,22 +66,36 @@ NOTHING = Found(np.full((4, 4), np.nan), -np.inf, {})
 
 
 def chain(target: Place, source: Place, prior: Prior) -> Found:
-    """The chain of `frontend.loop_closures`, its numbers kept."""
-    matches = mutual_matches(target.features, source.features)
-    if min(place.layers.relief.information for place in (target, source)) < CONFIG.acceptance.min_information:
-        return Found(NOTHING.T_target_source, -np.inf, {"accepted": False, "reason": str(Rejection.FLAT)})
-    candidates = find_consensus(target.features, source.features, matches, prior, CONFIG.matching)
-    peaks = search(target.turned, source.turned, prior, CONFIG.search)
-    starts = [start.T_target_source for start in (*candidates, *peaks)]
-    previews = [preview(target.layers, source.layers, T, CONFIG.registration) for T in starts]
-    if not previews:
-        return Found(NOTHING.T_target_source, -np.inf, {"accepted": False, "reason": str(Rejection.NO_ALIGNMENT)})
-    first = max([p for p in previews if prior.admits(p.T_target_source)] or previews, key=lambda p: p.significance)
-    best = verify(target.layers, source.layers, first.T_target_source, CONFIG.registration)
-    elsewhere = [p.significance for p in previews if _is_elsewhere(p, best)]
-    p, q = target.features.keypoints[matches[:, 0]], source.features.keypoints[matches[:, 1]]
-    n_inliers = int(agreeing(p, q, best.T_target_source, CONFIG.matching).sum())
-    return _judged(best, max(elsewhere, default=0.0), prior, (len(matches), n_inliers))
+    """The library's own chain on a dive of two submaps that dead reckoning lays as the prior says."""
+    submaps = [target.submap, _laid(source.submap, target.submap, prior)]
+    (closure,) = compare_pairs(
+        [(0, 1)], submaps, [target.features, source.features], lambda _target, _source: prior.covariance, CONFIG
+    )
+    ranked = closure.reason in ("", Rejection.BY_CHANCE)
+    score = log_odds(closure.lead, closure.chance) if ranked else -np.inf
+    return Found(closure.T_target_source, score, _numbers(closure))
+
+
+def _laid(source: Submap, target: Submap, prior: Prior) -> Submap:
+    """The source where a prior has it, its pings some after those of the target."""
+    later = 2 * target.end_ping - source.first_ping
+    return replace(
+        source,
+        T_world_submap_dr=target.T_world_submap_dr @ prior.T_target_source,
+        first_ping=source.first_ping + later,
+        end_ping=source.end_ping + later,
+        anchor_ping=source.anchor_ping + later,
+    )
+
+
+def _numbers(closure: LoopClosure) -> Numbers:
+    """The record of a comparison as numbers; the measured ones only where there was an alignment."""
+    said: Numbers = {"accepted": closure.accepted, "reason": closure.reason}
+    if not np.isfinite(closure.T_target_source).all():
+        return said
+    kept = {name: getattr(closure, name) for name in ("chance", "lead", "correlation", "overlap", "n_matches")}
+    sigmas = {f"sigma_{name}": float(closure.sigmas[k]) for name, k in (("x", 3), ("y", 4), ("yaw", 2))}
+    return said | kept | sigmas | {"n_inliers": closure.n_inliers}
 
 
 def correlation_alone(target: Place, source: Place, prior: Prior) -> Found:
@@ -90,35 +115,6 @@ def _peer(find: Callable[[peers.Cloud, peers.Cloud], peers.Answer]) -> Callable[
     return row
 
 
-def _is_elsewhere(a: Preview, b: Verification) -> bool:
-    """Whether two alignments are different ones."""
-    return bool(np.hypot(*(a.T_target_source - b.T_target_source)[:2, 3]) > CONFIG.search.separation)
-
-
-def _judged(best: Verification, runner_up: float, prior: Prior, matches: tuple[int, int]) -> Found:
-    """The decision; the score is the logarithm of the chance where no other rule is broken."""
-    rejection = decide(best, runner_up, prior, CONFIG.acceptance)
-    chance = chance_of(best, prior)
-    numbers: Numbers = {
-        "accepted": rejection is None,
-        "reason": str(rejection) if rejection else "",
-        "chance": chance,
-        "shape_chance": expected_by_chance(best.significance, best.overlap_area, best.correlation_area, prior),
-        "runner_up": runner_up,
-        "n_matches": matches[0],
-        "n_inliers": matches[1],
-        "inside": prior.admits(best.T_target_source),
-        **{name: float(getattr(best, name)) for name in _KEPT},
-        **{f"sigma_{name}": float(best.sigmas[k]) for name, k in (("x", 3), ("y", 4), ("yaw", 2))},
-    }
-    ranked = rejection in (None, Rejection.BY_CHANCE)
-    return Found(best.T_target_source, -np.log10(max(chance, 1e-300)) if ranked else -np.inf, numbers)
-
-
-_KEPT = (
-    *("correlation", "significance", "reflectivity_correlation", "reflectivity_significance", "overlap"),
-    *("overlap_area", "correlation_area", "height_residual", "tilt"),
-)
 ROWS: dict[str, Callable[[Place, Place, Prior], Found]] = {
     "chain": chain,
     "correlation": correlation_alone,
