@@ -6,12 +6,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import maximum_filter
 
-from frontend.arrays import BoolArray, FloatArray
-from frontend.fpfh import N_BINS, fpfh
+from frontend.arrays import AnyArray, BoolArray, FloatArray
 from frontend.heightfield import Heightfield
+from frontend.open3d_loader import load_open3d
 from frontend.relief import Relief, ReliefConfig, extract_relief
 from frontend.submaps import Submap, surface_normals
 
+N_BINS = 33
 _RADIUS_CELLS = 6.0
 
 
@@ -118,8 +119,7 @@ def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Feat
     is_keypoint = find_keypoints(relief.z, usable, config.keypoint_spacing / relief.spacing)
     x, y = np.meshgrid(surface.x, surface.y)
     keypoints = np.stack([x, y, relief.height], axis=-1)[is_keypoint]
-    normals = surface_normals(surface)
-    return Features(keypoints, _describe(surface, normals, is_keypoint, config), normals[is_keypoint])
+    return Features(keypoints, _describe(surface, is_keypoint, config), surface_normals(surface)[is_keypoint])
 
 
 def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArray:
@@ -157,10 +157,25 @@ def _usable(relief: Relief, max_relative_sigma: float) -> BoolArray:
     return np.asarray(relief.is_trusted & (relief.sigma <= limit))
 
 
-def _describe(surface: Heightfield, normals: FloatArray, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
+def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
     """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, shape (K, 33)."""
     rows, columns = np.indices(surface.z.shape)
     step = max(round(config.lattice / surface.spacing), 1)
     supports = np.isfinite(surface.z) & (rows % step == 0) & (columns % step == 0) | is_keypoint
+    x, y = np.meshgrid(surface.x, surface.y)
+    points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
     radius = max(config.radius, _RADIUS_CELLS * surface.spacing)
-    return fpfh(surface.z, normals, (supports, is_keypoint), surface.spacing, radius)
+    most = int(np.pi * (radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off
+    return _fpfh(points, normals, np.flatnonzero(is_keypoint[supports]), {"radius": radius, "max_nn": most})
+
+
+def _fpfh(points: FloatArray, normals: FloatArray, chosen: AnyArray, search: dict[str, float]) -> FloatArray:
+    """FPFH of the chosen points among all points, shape (K, 33)."""
+    if not len(chosen):
+        return np.empty((0, N_BINS))
+    o3d = load_open3d()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.normals = o3d.utility.Vector3dVector(normals)
+    parameter = o3d.geometry.KDTreeSearchParamHybrid(**search)
+    descriptors = o3d.pipelines.registration.compute_fpfh_feature(cloud, parameter, chosen.tolist())
+    return np.ascontiguousarray(np.asarray(descriptors.data).T)
