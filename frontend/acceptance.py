@@ -21,6 +21,7 @@ class Rejection(StrEnum):
     AMBIGUOUS = "another alignment is nearly as good"
     HEIGHTS_DISAGREE = "the heights differ by more than their uncertainty"
     LOOSE = "the alignment is not fixed in every direction"
+    OF_NEIGHBOURS = "neighbours of both have seen the floor compared"
 
 
 class AcceptanceConfig(BaseModel):

@@ -16,6 +16,8 @@ from frontend.surroundings import lay_beside, meeting_ping, neighbours
 from frontend.turning import TurnedRelief
 from frontend.verification import Verification
 
+_MOST_PLACES = 96  # held at a time, some 15 MB each; a submap has some 40 partners
+
 
 @dataclass(frozen=True)
 class Place:
@@ -73,7 +75,7 @@ class Place:
 
 
 class Places:
-    """The places of a dive, each made when first asked for.
+    """The places of a dive, each made when asked for; the last ones asked for are kept.
 
     Parameters
     ----------
@@ -109,15 +111,21 @@ class Places:
     def _place(self, k: int, pings: tuple[int, int]) -> Place:
         """A submap with its neighbours inside a range of pings."""
         members = neighbours(self._submaps, k, pings)
-        if (k, members) not in self._made:
-            own = self._submaps[k]
-            relief = lay_beside(self._submaps, {m: self._relief(m) for m in members}, k, members)
-            heading = planar_parameters(own.T_world_submap_dr)[2]
-            turned = TurnedRelief(relief, heading, self._search.yaw_step, self._search.search_spacing)
-            T = invert(own.T_world_submap_dr)
-            anchors = np.stack([(T @ self._submaps[m].T_world_submap_dr)[:2, 3] for m in members])
-            self._made[k, members] = Place(own.number, stack_layers(relief), turned, members, anchors)
-        return self._made[k, members]
+        place = self._made.pop((k, members), None) or self._make(k, members)
+        self._made[k, members] = place  # the last asked for last
+        if len(self._made) > _MOST_PLACES:
+            del self._made[next(iter(self._made))]
+        return place
+
+    def _make(self, k: int, members: range) -> Place:
+        """A submap with these neighbours."""
+        own = self._submaps[k]
+        relief = lay_beside(self._submaps, {m: self._relief(m) for m in members}, k, members)
+        heading = planar_parameters(own.T_world_submap_dr)[2]
+        turned = TurnedRelief(relief, heading, self._search.yaw_step, self._search.search_spacing)
+        T = invert(own.T_world_submap_dr)
+        anchors = np.stack([(T @ self._submaps[m].T_world_submap_dr)[:2, 3] for m in members])
+        return Place(own.number, stack_layers(relief), turned, members, anchors)
 
     def _relief(self, k: int) -> Relief:
         """The relief of a submap alone."""
@@ -159,9 +167,8 @@ def with_drift(
     of the anchor lies m x too far to port. The alignment is then in error by ``m ([0, x_t] - R_target_source
     [0, x_s])``, nothing where two passes in one direction see a place at the same distance ahead.
     """
-    point = np.array([*verification.middle, 0.0])
-    points = (transform(verification.T_target_source, point)[:2], point[:2])
     R, variance = verification.T_target_source[:2, :2], verification.sigmas**2
+    points = _middles(verification)
     ahead = [side.ahead_of_anchor(there) for side, there in zip(sides, points, strict=True)]
     sheared = misalignment * (np.array([0.0, ahead[0]]) - R @ np.array([0.0, ahead[1]]))
     variance[3:5] += sheared**2
@@ -172,3 +179,30 @@ def with_drift(
             shift = (C[3, 3] + C[4, 4]) / 2  # along and across differ, and turn with the pair
             variance = variance + np.array([0.0, 0.0, C[2, 2], shift, shift, 0.0])
     return replace(verification, sigmas=np.sqrt(variance))
+
+
+def is_of_neighbours(verification: Verification, sides: tuple[Place, Place], positions: tuple[int, int]) -> bool:
+    """Whether neighbours of both submaps have seen the floor compared.
+
+    Parameters
+    ----------
+    verification : Verification
+        An alignment.
+    sides : tuple of Place
+        Target and source.
+    positions : tuple of int
+        Their positions among the submaps.
+
+    Returns
+    -------
+    is_of_neighbours : bool
+        True where a pair of theirs says the same and knows it better.
+    """
+    seen = zip(sides, positions, _middles(verification), strict=True)
+    return all(side.member_at(there) != position for side, position, there in seen)
+
+
+def _middles(verification: Verification) -> tuple[FloatArray, FloatArray]:
+    """Middle of the overlap in the target's and in the source's frame [m]."""
+    point = np.array([*verification.middle, 0.0])
+    return transform(verification.T_target_source, point)[:2], point[:2]

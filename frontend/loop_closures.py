@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from frontend.acceptance import AcceptanceConfig, Rejection, chance_of, decide, lead_of
 from frontend.anywhere import anywhere
 from frontend.arrays import FloatArray, IntArray
-from frontend.comparison import Place, Places, with_drift
+from frontend.comparison import Place, Places, is_of_neighbours, with_drift
 from frontend.features import Features
 from frontend.matching import MatchingConfig, agreeing, find_consensus, mutual_matches
 from frontend.pairs import PairConfig, PriorCovariance, pairs_to_compare, predicted_transform
@@ -248,6 +248,8 @@ def _compare(pair: _Pair, prior: Prior, config: LoopClosureConfig) -> LoopClosur
     others = [p.significance for p in previews if _is_elsewhere(p, best, config.search.separation)]
     runner_up = max(others, default=0.0)
     rejection = decide(best, runner_up, prior, config.acceptance)
+    if rejection is None and is_of_neighbours(best, pair.sides, pair.positions):
+        rejection = Rejection.OF_NEIGHBOURS
     p, q = (features.keypoints[matches[:, k]] for k, features in enumerate(pair.features))
     n_inliers = int(agreeing(p, q, best.T_target_source, config.matching).sum())
     found = _Alignment(best, n_inliers, chance_of(best, prior), lead_of(best, runner_up))

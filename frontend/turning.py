@@ -13,7 +13,7 @@ from frontend.sampling import sample_rasters
 
 _Key = TypeVar("_Key")
 _Value = TypeVar("_Value")
-_MOST_KEPT = 48  # spectra of one relief: what a narrow gate asks for again; a whole circle is not kept
+_MOST_KEPT = 24  # spectra of one relief: what a narrow gate asks for again; a whole circle is not kept
 
 
 @dataclass(frozen=True)

@@ -87,8 +87,7 @@ def make_graph(
     anchors, T_world_body_dr = anchor_pings(submaps), anchor_poses(submaps)
     graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency, config.do_no_harm)
     graph.add_first_pose(first_pose_sigmas(dead_reckoning, int(anchors[0])))
-    maps, prior = MapAgreement(submaps, config.loop_closures), prior_covariance(submaps, dead_reckoning)
-    settings = config.dead_reckoning
+    maps, settings = MapAgreement(submaps, config.loop_closures), config.dead_reckoning
     for k in range(len(submaps)):
         graph.add_depth_and_tilt(k, settings.depth_sd, settings.tilt_sd)
     for k in range(len(submaps) - 1):
@@ -99,7 +98,8 @@ def make_graph(
     for k, closure in enumerate(entering):
         target, source = submaps[closure.target], submaps[closure.source]
         T_bodies = invert(target.T_submap_body) @ closure.T_target_source @ source.T_submap_body
-        chance = 0.0 if k in forced else len(closures) * maps.chance(closure, prior)
+        n_tried = len(closures) * (len(submaps) if closure.is_from_appearance else 1)
+        chance = 0.0 if k in forced else n_tried * float(np.nan_to_num(closure.chance, nan=1.0))
         graph.add_closure(closure.target, closure.source, T_bodies, closure.sigmas, chance)
     return DiveGraph(graph, int(anchors[0]), tuple(forced), maps, config.seed)
 

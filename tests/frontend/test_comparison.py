@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frontend.comparison import Places, with_drift
+from frontend.comparison import Places, is_of_neighbours, with_drift
 from frontend.frames import planar_pose
 from frontend.relief import ReliefConfig
 from frontend.search import SearchConfig
@@ -105,3 +105,22 @@ def test_an_earlier_neighbour_is_asked_for_in_the_order_of_time(places):
     with_drift(behind, sides, (2, 5), lambda a, b: asked.append((a, b)) or DRIFT)
     assert asked
     assert all(a < b for a, b in asked)
+
+
+def test_what_neighbours_of_both_have_seen_is_theirs_to_say(places):
+    verification, sides = aligned(places, 1, 5, planar_pose(40.0, -20.0, np.pi / 2))
+    own = replace(verification, middle=np.zeros(2))  # of the source; the target's next one is as near as itself
+    theirs = replace(verification, middle=np.array([40.0, 0.0]))
+    assert not is_of_neighbours(own, sides, (1, 5))
+    assert is_of_neighbours(theirs, sides, (1, 5))
+
+
+def test_only_the_last_places_asked_for_are_kept(places, monkeypatch):
+    monkeypatch.setattr("frontend.comparison._MOST_PLACES", 2)
+    first, second = places.sides(1, 5)
+    assert places.sides(1, 5)[0] is first
+    assert places.sides(1, 5)[1] is second
+    places.sides(2, 6)
+    again, _ = places.sides(1, 5)
+    assert again is not first
+    np.testing.assert_array_equal(again.layers.rasters, first.layers.rasters)

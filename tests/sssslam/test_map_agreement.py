@@ -1,14 +1,8 @@
 import numpy as np
 import pytest
 
-from frontend.acceptance import chance_of
 from frontend.frames import invert, planar_parameters, planar_pose
-from frontend.loop_closures import LoopClosure, LoopClosureConfig
-from frontend.overlap import stack_layers
-from frontend.pairs import predicted_transform
-from frontend.priors import Prior
-from frontend.relief import extract_relief
-from frontend.verification import verify
+from frontend.loop_closures import LoopClosureConfig
 from sssslam.map_agreement import MapAgreement
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
@@ -36,13 +30,3 @@ def test_maps_agree_at_the_true_place_and_not_beside_it(submaps):
 
 def test_maps_that_do_not_overlap_have_no_agreement(submaps):
     assert np.isnan(MapAgreement(submaps, LoopClosureConfig())(0, 1, planar_pose(500.0, 0.0, 0.0)))
-
-
-def test_the_chance_is_the_one_that_acceptance_goes_by(submaps):
-    config, covariance = LoopClosureConfig(), np.diag([0.005, 0.005, 0.03, 3.0, 3.0, 0.1]) ** 2
-    layers = [stack_layers(extract_relief(submap, config.relief)) for submap in submaps]
-    v = verify(*layers, RELATIVE, config.registration)
-    prior = Prior(predicted_transform(*submaps), covariance, config.pairs.gate)
-    closure = LoopClosure(0, 1, v.T_target_source, v.sigmas, 0, 0, v.correlation, v.overlap, True, "")
-    found = MapAgreement(submaps, config).chance(closure, lambda *_: covariance)
-    assert found == pytest.approx(chance_of(v, prior), rel=1e-6)
