@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from scipy.fft import ifft, irfft, next_fast_len, rfft2
+from scipy.fft import ifft, irfft, rfft2
 
 from frontend.arrays import AnyArray, FloatArray
 
@@ -119,23 +119,6 @@ class Spectra:
     padded: tuple[int, int]
 
 
-def padded_shape(first: tuple[int, int], second: tuple[int, int]) -> tuple[int, int]:
-    """Raster size at which two rasters correlate without wrapping around.
-
-    Parameters
-    ----------
-    first, second : tuple of int
-        Cells of the two rasters.
-
-    Returns
-    -------
-    padded : tuple of int
-        A size that the FFT likes.
-    """
-    rows, columns = (next_fast_len(a + b - 1, real=True) for a, b in zip(first, second, strict=True))
-    return rows, columns
-
-
 def common_size(n: int) -> int:
     """Size of a padded raster that many rasters of about one size share.
 
@@ -163,7 +146,7 @@ def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> 
     weight : ndarray, shape (n_y, n_x)
         The trust in all of them [1], 0 where unknown.
     padded : tuple of int
-        Size from `padded_shape`.
+        At least what `Shifts.needs`; any size will do, `common_size` is fast and shared by many.
 
     Returns
     -------

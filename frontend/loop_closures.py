@@ -160,16 +160,14 @@ def compare_pairs(
     if len(features) != len(submaps):
         raise ValueError(f"every submap needs its features, got {len(features)} for {len(submaps)} submaps")
     config = config or LoopClosureConfig()
-    places = Places(submaps, config.relief, config.search)
+    prepared = _prepared(pairs, Places(submaps, config.relief, config.search), features, prior_covariance)
 
-    def prepared(target: int, source: int) -> tuple[_Pair, Prior]:
+    def with_prior(pair: _Pair) -> tuple[_Pair, Prior]:
+        target, source = pair.positions
         T_dr = predicted_transform(submaps[target], submaps[source])
-        pair = _Pair(
-            (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
-        )
         return pair, Prior(T_dr, prior_covariance(target, source), config.pairs.gate)
 
-    yield from in_order(lambda job: _compare(*job, config), (prepared(*pair) for pair in pairs))
+    yield from in_order(lambda job: _compare(*job, config), map(with_prior, prepared))
 
 
 def recognise_pairs(
@@ -200,14 +198,8 @@ def recognise_pairs(
     config = config or LoopClosureConfig()
     wide = config.search.model_copy(update={"yaw_step": _COARSER * config.search.yaw_step})
     config = config.model_copy(update={"acceptance": config.acceptance.anywhere(len(submaps)), "search": wide})
-    places = Places(submaps, config.relief, config.search)
-
-    def prepared(target: int, source: int) -> _Pair:
-        return _Pair(
-            (target, source), places.sides(target, source), (features[target], features[source]), prior_covariance
-        )
-
-    yield from in_order(lambda pair: _recognise(pair, config), (prepared(*pair) for pair in pairs))
+    prepared = _prepared(pairs, Places(submaps, config.relief, config.search), features, prior_covariance)
+    yield from in_order(lambda pair: _recognise(pair, config), prepared)
 
 
 @dataclass(frozen=True)
@@ -218,6 +210,14 @@ class _Pair:
     sides: tuple[Place, Place]
     features: tuple[Features, Features]
     covariance: PriorCovariance
+
+
+def _prepared(
+    pairs: Sequence[tuple[int, int]], places: Places, features: Sequence[Features], covariance: PriorCovariance
+) -> Iterator[_Pair]:
+    """Pairs made ready one by one, by whoever asks for the next."""
+    for target, source in pairs:
+        yield _Pair((target, source), places.sides(target, source), (features[target], features[source]), covariance)
 
 
 def _recognise(pair: _Pair, config: LoopClosureConfig) -> LoopClosure:

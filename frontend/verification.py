@@ -134,10 +134,28 @@ def preview(
         The alignment by part of the cells, judged by all of them.
     """
     T = align_roughly(target, source, T_target_source, config)
-    correlation, correlation_r, area = correlate_at(target, source, planar_parameters(T))
+    return Preview(T, significance_at(target, source, T)[0])
+
+
+def significance_at(target: Layers, source: Layers, T_target_source: FloatArray) -> tuple[float, float]:
+    """How significant two submaps agree at a transform, by relief or by both witnesses.
+
+    Parameters
+    ----------
+    target, source : Layers
+        The two submaps.
+    T_target_source : ndarray, shape (4, 4)
+        The transform; taken as it is.
+
+    Returns
+    -------
+    significance, area : float
+        Standard deviations above chance, and the area compared [m^2].
+    """
+    correlation, correlation_r, area = correlate_at(target, source, planar_parameters(T_target_source))
     by_shape = _significance(correlation, area, joint_area(target.relief, source.relief))
     by_echo = _significance(correlation_r, area, joint_reflectivity_area(target.relief, source.relief))
-    return Preview(T, float(pooled(np.array(by_shape), np.array(by_echo))))
+    return float(pooled(np.array(by_shape), np.array(by_echo))), area
 
 
 def joint_area(target: Relief, source: Relief) -> float:

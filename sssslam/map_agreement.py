@@ -2,16 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from frontend.arrays import FloatArray
-from frontend.chance import pooled, significance
 from frontend.comparison import Places
-from frontend.frames import invert, planar_parameters
+from frontend.frames import invert
 from frontend.loop_closures import LoopClosureConfig
-from frontend.overlap import Layers, lay_over
+from frontend.overlap import Layers
 from frontend.submaps import Submap
-from frontend.verification import joint_area, joint_reflectivity_area
+from frontend.verification import significance_at
 
 
 class MapAgreement:
@@ -48,14 +45,9 @@ class MapAgreement:
         a, b = self._submaps[target], self._submaps[source]
         T_levels = a.T_submap_body @ T_target_source @ invert(b.T_submap_body)
         layers = self._of(target, source)
-        overlap = lay_over(*layers, planar_parameters(T_levels))
-        if overlap.share < self._config.acceptance.min_overlap:
-            return float("nan")
-        reliefs = layers[0].relief, layers[1].relief
-        by_shape = significance(np.array(overlap.correlation), np.array(overlap.area), joint_area(*reliefs))
-        area_r = joint_reflectivity_area(*reliefs)
-        by_echo = significance(np.array(overlap.reflectivity_correlation), np.array(overlap.area), area_r)
-        return float(pooled(by_shape, by_echo))
+        significance, area = significance_at(*layers, T_levels)
+        least = self._config.acceptance.min_overlap * min(side.relief.area for side in layers)
+        return significance if area >= least > 0 else float("nan")
 
     def _of(self, target: int, source: int) -> tuple[Layers, Layers]:
         """Rasters of two submaps with their surroundings, as the front end compared them."""

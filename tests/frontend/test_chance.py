@@ -4,7 +4,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.stats import norm
 
 from frontend.chance import expected_by_chance, joint_chance, pooled, significance
-from frontend.correlation import correlate, padded_shape, spectra
+from frontend.correlation import all_shifts, correlate, spectra
 from frontend.frames import planar_pose
 from frontend.priors import Prior
 from frontend.relief import correlation_area
@@ -36,7 +36,7 @@ def test_correlations_of_unrelated_fields_scatter_as_the_significance_says():
     for _ in range(12):
         a, b = (gaussian_filter(rng.normal(size=(96, 96)), 1.5, mode="wrap") for _ in range(2))
         area = np.sqrt(correlation_area(a, np.ones_like(a), 1.0) * correlation_area(b, np.ones_like(b), 1.0))
-        padded = padded_shape(a.shape, b.shape)
+        padded = all_shifts(a.shape, b.shape).needs(a.shape, b.shape)
         surface = correlate(spectra(a[None], np.ones_like(a), padded), spectra(b[None], np.ones_like(b), padded))
         big = surface.overlap >= 0.3 * a.size
         values.append(significance(surface.correlation[0, big], surface.overlap[big], area))

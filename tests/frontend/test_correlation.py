@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frontend.correlation import Shifts, common_size, correlate, padded_shape, spectra
+from frontend.correlation import Shifts, all_shifts, common_size, correlate, spectra
 
 
 def surface_of(a, wa, b, wb):
-    padded = padded_shape(a.shape, b.shape)
+    padded = all_shifts(a.shape, b.shape).needs(a.shape, b.shape)
     return alone(correlate(spectra(a[None], wa, padded), spectra(b[None], wb, padded)))
 
 
@@ -88,7 +88,7 @@ def test_rasters_that_share_a_weight_correlate_as_each_alone():
     rng = np.random.default_rng(7)
     a, b, wa, wb = rng.normal(size=(2, 12, 9)), rng.normal(size=(2, 10, 11)), *rng.uniform(0.2, 1, (2, 12, 11))
     wa, wb = wa[:, :9], wb[:10]
-    padded = padded_shape(a.shape[1:], b.shape[1:])
+    padded = all_shifts(a.shape[1:], b.shape[1:]).needs(a.shape[1:], b.shape[1:])
     both = correlate(spectra(a, wa, padded), spectra(b, wb, padded))
     for k in (0, 1):
         single = surface_of(a[k], wa, b[k], wb)
