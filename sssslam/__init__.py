@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from frontend.trajectory import Trajectory
     from sssslam.api import describe, reconstruct
     from sssslam.config import Config, load_config
+    from sssslam.online import Slam
     from sssslam.overrides import Overrides, read_overrides
-    from sssslam.pipeline import Slam, slam
+    from sssslam.pipeline import slam
     from sssslam.products.result import Result
     from sssslam.readers import read
     from sssslam.simulation import load_scene, simulate
@@ -66,7 +67,8 @@ _HOMES = {
     "sssslam.api": ("describe", "reconstruct"),
     "sssslam.config": ("Config", "load_config"),
     "sssslam.overrides": ("Overrides", "read_overrides"),
-    "sssslam.pipeline": ("Slam", "slam"),
+    "sssslam.online": ("Slam",),
+    "sssslam.pipeline": ("slam",),
     "sssslam.products.result": ("Result",),
     "sssslam.readers": ("read",),
     "sssslam.simulation": ("load_scene", "simulate"),

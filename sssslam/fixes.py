@@ -18,6 +18,7 @@ from backend.dead_reckoning import DeadReckoning
 from backend.do_no_harm import DoNoHarmConfig
 from backend.pose_graph import PoseGraphSolution
 from backend.sensor_reckoning import Fix, SensorReckoning, surface_fixes
+from backend.sensor_series import Sensors
 from frontend.arrays import BoolArray, FloatArray, IntArray
 from frontend.recording import Recording
 from sssslam.dead_reckoning import on_the_map
@@ -161,12 +162,31 @@ def fixes_at_anchors(
         At most one an anchor: the middle of those that agree. Their errors at one surfacing are shared, so that many
         are no better than one.
     """
+    return fixes_of_receiver(on_the_map(recording), anchors, dead_reckoning, config)
+
+
+def fixes_of_receiver(
+    sensors: Sensors, anchors: IntArray, dead_reckoning: DeadReckoning, config: DoNoHarmConfig
+) -> Fixes:
+    """Gather what a receiver saw at anchors, as `fixes_at_anchors`.
+
+    Parameters
+    ----------
+    sensors : mapping of str to mapping of str to ndarray
+        Series by sensor; those of gnss count, in the world frame [m].
+    anchors, dead_reckoning, config
+        As for `fixes_at_anchors`.
+
+    Returns
+    -------
+    fixes : Fixes
+        At most one an anchor.
+    """
     if isinstance(dead_reckoning, SensorReckoning):
         return Fixes()
-    sigma = dead_reckoning.config.sensors.gnss_sd
-    seen = surface_fixes(on_the_map(recording), recording.ping_time, sigma)
-    time = recording.ping_time[anchors]
-    nearest = [int(np.argmin(np.abs(time - recording.ping_time[fix.ping]))) for fix in seen]
+    seen = surface_fixes(sensors, dead_reckoning.time, dead_reckoning.config.sensors.gnss_sd)
+    time = dead_reckoning.time[anchors]
+    nearest = [int(np.argmin(np.abs(time - dead_reckoning.time[fix.ping]))) for fix in seen]
     taken, n_odd = [], 0
     for anchor in sorted(set(nearest)):
         own = [fix for fix, k in zip(seen, nearest, strict=True) if k == anchor]
