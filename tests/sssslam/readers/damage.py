@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from frontend.recording import Recording
 from sssslam.readers import read
 
 EXTREMES = [
@@ -46,16 +47,35 @@ def damaged(content: bytes, rng: np.random.Generator, keep: int = 0) -> bytes:
     return bytes(data) or b"\0"
 
 
+def survivor(path: Path) -> Recording | None:
+    """The recording of a damaged file; None where it is refused with an error of one line that names it."""
+    try:
+        return read(path)
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017  what is not refused must be sound, which `check_sound` tells
+        assert str(path) in str(error)  # noqa: PT017
+        return None
+
+
+def check_sound(recording: Recording, max_pings: int) -> None:
+    """Whether a recording can be worked with, whatever its file went through."""
+    track = recording.trajectory_dr
+    assert 1 <= recording.n_pings <= max_pings
+    assert np.all(np.diff(track.time) > 0)
+    for name in ("time", "x", "y", "z", "roll", "pitch", "yaw"):
+        assert np.isfinite(getattr(track, name)).all(), name
+    for name in ("sample_spacing", "sound_speed"):
+        values = getattr(recording, name)
+        assert np.isfinite(values).all(), name
+        assert np.all(values > 0), name
+    for name in ("altitude", "depth", "speed", "port", "starboard"):
+        assert not np.isinf(getattr(recording, name)).any(), name
+
+
 def check_survival(path: Path, max_pings: int) -> str:
     """Read a damaged file: a sound recording, or an error of one line; gives which."""
-    try:
-        recording = read(path)
-    except ValueError as error:
-        assert "\n" not in str(error)  # noqa: PT017  what is not refused must be sound, which is checked below
-        assert str(path) in str(error)  # noqa: PT017
+    recording = survivor(path)
+    if recording is None:
         return "refused"
-    assert 1 <= recording.n_pings <= max_pings
-    assert np.all(recording.sample_spacing > 0)
-    assert np.isfinite(recording.trajectory_dr.positions).all()
-    assert np.all(np.diff(recording.ping_time) > 0)
+    check_sound(recording, max_pings)
     return "read"
