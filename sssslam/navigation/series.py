@@ -11,6 +11,8 @@ from frontend.arrays import FloatArray
 _N_INTERVALS_BEYOND = 2.0
 # Beyond this, some 3000 years from 1970, doubles cannot tell a hundredth of a millisecond: no time of a dive [s].
 _MAX_TIME = 1e11
+# No coordinate, angle or speed is larger, in any unit; and times this near to zero are zero [s]: slopes stay finite.
+_MAX_VALUE, _MIN_TIME = 1e9, 1e-9
 
 
 @dataclass(frozen=True)
@@ -40,16 +42,17 @@ def make_series(time: FloatArray, values: FloatArray) -> Series | None:
     Parameters
     ----------
     time, values : ndarray, shape (K,)
-        As recorded: any order, NaN where unknown.
+        As recorded: any order, NaN where unknown; beyond 1e11 s or 1e9 they are taken for unknown.
 
     Returns
     -------
     series : Series or None
         The known values in the order of time, the first of those that share a time; None where none is known.
     """
-    known = np.flatnonzero((np.abs(time) < _MAX_TIME) & np.isfinite(values))
+    known = np.flatnonzero((np.abs(time) < _MAX_TIME) & (np.abs(values) < _MAX_VALUE))
     if not known.size:
         return None
+    time = np.where(np.abs(time) < _MIN_TIME, 0.0, time)
     at, first = np.unique(time[known], return_index=True)
     return Series(at, values[known][first])
 

@@ -11,6 +11,7 @@ from frontend.frames import attitude_from_rotation, rotation_world_body
 from frontend.trajectory import Trajectory
 
 _MIN_QUATERNION_NORM = 0.5  # a rounded unit quaternion stays within 1e-6 of 1; half is no quaternion at all
+_MAX_NUMBER = 1e12  # no time, coordinate or quaternion is larger, and sums of squares stay finite
 
 
 def format_tum(trajectory: Trajectory) -> str:
@@ -78,8 +79,10 @@ def _parse_row(line: str, where: str) -> list[float]:
         values = [float(word) for word in words]
     except ValueError:
         raise ValueError(f"{where}: a TUM row has 8 numbers (t x y z qx qy qz qw), got {line.strip()[:60]!r}") from None
-    if not np.all(np.isfinite(values)):
-        raise ValueError(f"{where}: the numbers of a TUM row must be finite, got {line.strip()[:60]!r}")
+    if not np.all(np.abs(values) < _MAX_NUMBER):
+        raise ValueError(
+            f"{where}: the numbers of a TUM row must be finite and below {_MAX_NUMBER:g}, got {line.strip()[:60]!r}"
+        )
     return values
 
 

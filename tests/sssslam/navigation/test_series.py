@@ -46,3 +46,12 @@ def test_a_series_gives_its_own_values_back(points):
     series = make_series(*np.array(points).T)
     # Times a microsecond apart cost the cubic some digits of a position.
     np.testing.assert_allclose(interpolate(series, series.time), series.values)
+
+
+def test_numbers_that_nothing_in_the_sea_has_are_unknown_and_slopes_stay_finite():
+    assert make_series(np.array([1.0, 2.0]), np.array([1e308, -np.inf])) is None
+    assert make_series(np.array([1e17]), np.array([1.0])) is None
+    series = make_series(np.array([0.0, 1e-320, 1.0, 2.0]), np.array([0.0, 5.0, 1.0, 2e9]))
+    np.testing.assert_array_equal(series.time, [0.0, 1.0])
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(interpolate_position(series, np.array([0.5])), [0.5])
