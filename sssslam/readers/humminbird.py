@@ -143,11 +143,7 @@ def _notes(files: DiveFiles, description: Description, n_dropped: int) -> list[s
 
 
 def _damage(sides: Sequence[_Side]) -> list[str]:
-    return [
-        f"{side.name}: {side.records.n_skipped} bytes are damaged or cut off and are skipped; whole records are taken"
-        for side in sides
-        if side.records.n_skipped
-    ]
+    return [f"{side.name}: {note}" for side in sides for note in side.records.skipped.notes("records")]
 
 
 def _sha256(paths: Sequence[Path]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from frontend.arrays import AnyArray, BoolArray, IntArray
 from sssslam.readers.layout import gather
+from sssslam.readers.skipped import Skipped, find_skipped
 
 MAGIC = b"\xc0\xde\xab\x21"
 NUMBER, TIME, EAST, NORTH, HEADING, SPEED, DEPTH, BEAM, FREQUENCY = 0x80, 0x81, 0x82, 0x83, 0x84, 0x85, 0x87, 0x50, 0x92
@@ -35,17 +36,17 @@ class Records:
         Where the samples start [bytes].
     n_samples : ndarray of int, shape (K,)
         Number of samples.
-    n_skipped : int
-        Bytes that belong to no record.
+    skipped : Skipped
+        What belongs to no whole record.
     """
 
     header: AnyArray
     offset: IntArray
     n_samples: IntArray
-    n_skipped: int
+    skipped: Skipped
 
     def __getitem__(self, rows: AnyArray) -> "Records":
-        return Records(self.header[rows], self.offset[rows], self.n_samples[rows], self.n_skipped)
+        return Records(self.header[rows], self.offset[rows], self.n_samples[rows], self.skipped)
 
     def field(self, tag: int) -> IntArray:
         """The numbers behind a tag, unsigned as in the file; zeros if this model does not write it."""
@@ -86,9 +87,9 @@ def read_records(data: mmap.mmap) -> Records:
     n_samples = header[_name(_N_SAMPLES)].astype(np.int64)
     offset = starts + layout.itemsize
     is_whole = offset + n_samples <= np.append(starts[1:], len(data))
-    n_skipped = len(data) - int((layout.itemsize + n_samples)[is_whole].sum())
     rows = np.flatnonzero(is_whole)
-    return Records(header[rows], offset[rows], n_samples[rows], n_skipped)
+    skipped = find_skipped(starts[rows], layout.itemsize + n_samples[rows], 0, len(data))
+    return Records(header[rows], offset[rows], n_samples[rows], skipped)
 
 
 def _layout_at(data: mmap.mmap, start: int) -> tuple[np.dtype[Any], dict[int, int]] | None:

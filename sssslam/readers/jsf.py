@@ -91,8 +91,7 @@ def _notes(messages: Messages, listing: list[Channel], pair: Pair, n_dropped: in
     for side in ("port", "starboard"):
         if getattr(pair, side) is None:
             notes.append(f"the file has no {side} channel: that side is unknown")
-    if messages.n_skipped:
-        notes.append(f"{messages.n_skipped} bytes are damaged or cut off and are skipped; whole messages are taken")
+    notes += messages.skipped.notes("messages")
     if n_dropped:
         notes.append(f"pings dropped, for lack of a partner on the other side or odd length: {n_dropped}")
     return notes

@@ -13,6 +13,7 @@ import numpy as np
 
 from frontend.arrays import AnyArray, IntArray
 from sssslam.readers.layout import gather, layout
+from sssslam.readers.skipped import Skipped, find_skipped
 
 MAGIC = b"\x01\x16"
 HEADER = layout(
@@ -33,13 +34,13 @@ class Messages:
         Where what follows their headers starts [bytes].
     header : ndarray of HEADER, shape (K,)
         Their headers.
-    n_skipped : int
-        Bytes that belong to no whole message.
+    skipped : Skipped
+        What belongs to no whole message.
     """
 
     offset: IntArray
     header: AnyArray
-    n_skipped: int
+    skipped: Skipped
 
     def of(self, kind: int, size: int) -> "Messages":
         """The messages of one type with at least so many bytes behind the header."""
@@ -47,7 +48,7 @@ class Messages:
         return self[rows]
 
     def __getitem__(self, rows: AnyArray) -> "Messages":
-        return Messages(self.offset[rows], self.header[rows], self.n_skipped)
+        return Messages(self.offset[rows], self.header[rows], self.skipped)
 
 
 def index_messages(data: mmap.mmap) -> Messages:
@@ -63,8 +64,8 @@ def index_messages(data: mmap.mmap) -> Messages:
     messages : Messages
         Those that are whole.
     """
-    starts = array("q")
-    position, n_used, searches = 0, 0, _MAX_SEARCHES
+    starts, sizes = array("q"), array("q")
+    position, searches = 0, _MAX_SEARCHES
     while position < len(data):
         end = _end_of_message(data, position)
         if end and _is_boundary(data, end):
@@ -75,10 +76,11 @@ def index_messages(data: mmap.mmap) -> Messages:
             end = end if end <= following else 0
         if end:
             starts.append(position)
-            n_used += end - position
+            sizes.append(end - position)
         position = following
     at = np.array(starts, dtype=np.int64)
-    return Messages(at + HEADER.itemsize, gather(data, at, HEADER), len(data) - n_used)
+    skipped = find_skipped(at, np.array(sizes, dtype=np.int64), 0, len(data))
+    return Messages(at + HEADER.itemsize, gather(data, at, HEADER), skipped)
 
 
 def _end_of_message(data: mmap.mmap, position: int) -> int:

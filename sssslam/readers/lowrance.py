@@ -127,8 +127,7 @@ def _notes(frames: Frames, pair: Pair, n_dropped: int) -> list[str]:
     for side in ("port", "starboard"):
         if getattr(pair, side) is None:
             notes.append(f"the file has no {side} channel: that side is unknown")
-    if frames.n_skipped:
-        notes.append(f"{frames.n_skipped} bytes are damaged or cut off and are skipped; whole frames are taken")
+    notes += frames.skipped.notes("frames")
     if n_dropped:
         notes.append(f"pings dropped, for lack of a partner on the other side: {n_dropped}")
     return notes

@@ -11,6 +11,7 @@ import numpy as np
 
 from frontend.arrays import AnyArray, IntArray
 from sssslam.readers.layout import gather, layout
+from sssslam.readers.skipped import Skipped, find_skipped
 
 SL2 = layout(
     144,
@@ -68,17 +69,17 @@ class Frames:
         Where the samples start [bytes].
     n_samples : ndarray of int, shape (K,)
         Number of samples, of one byte each.
-    n_skipped : int
-        Bytes that belong to no whole frame.
+    skipped : Skipped
+        What belongs to no whole frame.
     """
 
     header: AnyArray
     offset: IntArray
     n_samples: IntArray
-    n_skipped: int
+    skipped: Skipped
 
     def __getitem__(self, rows: AnyArray) -> "Frames":
-        return Frames(self.header[rows], self.offset[rows], self.n_samples[rows], self.n_skipped)
+        return Frames(self.header[rows], self.offset[rows], self.n_samples[rows], self.skipped)
 
 
 def read_frames(data: mmap.mmap) -> Frames:
@@ -106,8 +107,8 @@ def read_frames(data: mmap.mmap) -> Frames:
             kept.append(row)
             free = start + length
     rows = np.array(kept, dtype=np.int64)
-    n_skipped = len(data) - _FILE_HEADER - int(size[rows].sum())
-    return Frames(header[rows], starts[rows] + dtype.itemsize, n_samples[rows], n_skipped)
+    skipped = find_skipped(starts[rows], size[rows], _FILE_HEADER, len(data))
+    return Frames(header[rows], starts[rows] + dtype.itemsize, n_samples[rows], skipped)
 
 
 def _places_that_name_themselves(data: mmap.mmap) -> IntArray:

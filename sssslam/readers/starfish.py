@@ -99,7 +99,7 @@ def _side_scan(data: mmap.mmap, packets: Packets) -> tuple[_Lines, int]:
             f" byte {found.offset[0]}"
         )
     first = found.offset[rows] + _SIDE.itemsize
-    kept = Packets(found.offset[rows], found.header[rows], 0)
+    kept = Packets(found.offset[rows], found.header[rows], found.skipped)
     return _Lines(kept, first, first + n[rows] + _SIDE.itemsize, n[rows], extent[rows]), len(n) - len(rows)
 
 
@@ -117,8 +117,7 @@ def _read_side(
 def _notes(packets: Packets, lines: _Lines, n_unsound: int) -> list[str]:
     ranges = ", ".join(f"{value:g}" for value in np.unique(lines.range)[:5])
     notes = [f"the layout of this format is inferred, and with it the slant range: {ranges} m"]
-    if packets.n_skipped:
-        notes.append(f"{packets.n_skipped} bytes are damaged or cut off and are skipped; whole packets are taken")
+    notes += packets.skipped.notes("packets")
     if n_unsound:
         notes.append(f"pings dropped, for their sides or range make no sense: {n_unsound}")
     return notes

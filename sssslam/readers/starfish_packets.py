@@ -16,6 +16,7 @@ import numpy as np
 from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from sssslam.readers.layout import gather
 from sssslam.readers.ping_times import seconds_since_1970
+from sssslam.readers.skipped import Skipped, find_skipped
 
 PACKET = np.dtype(
     [
@@ -49,18 +50,18 @@ class Packets:
         Where their payloads start [bytes].
     header : ndarray of PACKET, shape (K,)
         Their headers.
-    n_skipped : int
-        Bytes from the first packet on that belong to none.
+    skipped : Skipped
+        What belongs to none, from the first sync on.
     """
 
     offset: IntArray
     header: AnyArray
-    n_skipped: int
+    skipped: Skipped
 
     def of(self, opcode: int, size: int) -> "Packets":
         """The packets of one kind that are at least of a size [bytes]."""
         rows = np.flatnonzero((self.header["opcode"] == opcode) & (self.header["size"] >= size))
-        return Packets(self.offset[rows], self.header[rows], self.n_skipped)
+        return Packets(self.offset[rows], self.header[rows], self.skipped)
 
 
 def index_packets(data: mmap.mmap) -> Packets:
@@ -79,14 +80,14 @@ def index_packets(data: mmap.mmap) -> Packets:
     starts = np.fromiter((m.start() for m in _SYNC.finditer(data)), np.int64)
     starts = starts[starts + PACKET.itemsize + _CHECK_SIZE <= len(data)]
     if not starts.size:
-        return Packets(starts, np.zeros(0, PACKET), 0)
+        return Packets(starts, np.zeros(0, PACKET), Skipped())
     headers = gather(data, starts, PACKET)
     ends = starts + PACKET.itemsize + headers["size"].astype(np.int64) + _CHECK_SIZE
     fits = np.flatnonzero(ends <= len(data))
     whole = fits[_are_undamaged(data, starts[fits], ends[fits])]
     kept = whole[_without_overlap(starts[whole], ends[whole])]
-    n_skipped = len(data) - int(starts[0]) - int((ends - starts)[kept].sum())
-    return Packets(starts[kept] + PACKET.itemsize, headers[kept], n_skipped)
+    skipped = find_skipped(starts[kept], (ends - starts)[kept], int(starts[0]), len(data))
+    return Packets(starts[kept] + PACKET.itemsize, headers[kept], skipped)
 
 
 def _are_undamaged(data: mmap.mmap, starts: IntArray, ends: IntArray) -> BoolArray:

@@ -171,7 +171,10 @@ def _check_listing(listing: list[Channel], header: FileHeader, index: PacketInde
     if listing:
         return
     n_sides = int(np.isin(header.channels["TypeOfChannel"], SIDE_TYPES).sum())
-    kinds = ", ".join(f"{n} packets of type {kind}" for kind, n in index.kinds.items()) or "no whole packet"
+    kinds = (
+        ", ".join(f"{n} packets of type {kind}" for kind, n in index.kinds.items())
+        or f"no whole packet from byte {header.start} on"
+    )
     what = "no side-scan ping with samples" if n_sides else "no side-scan channel"
     raise ValueError(f"the file has {what} ({kinds}); an XTF with port or starboard pings is wanted")
 
@@ -206,8 +209,7 @@ def _notes(index: PacketIndex, listing: list[Channel], pair: Pair, n_dropped: in
     for side in ("port", "starboard"):
         if getattr(pair, side) is None:
             notes.append(f"the file has no {side} channel: that side is unknown")
-    if index.n_cut or index.n_skipped:
-        notes.append(f"{index.n_skipped} bytes are damaged or cut off and are skipped; whole pings are taken")
+    notes += index.skipped.notes("packets")
     if n_dropped:
         notes.append(f"pings dropped, for lack of position or samples: {n_dropped}")
     return notes

@@ -16,6 +16,7 @@ import numpy as np
 import pyxtf
 
 from frontend.arrays import AnyArray, IntArray
+from sssslam.readers.skipped import Skipped, find_skipped
 
 
 def layout(structure: type[ctypes.Structure]) -> np.dtype[np.void]:
@@ -89,8 +90,8 @@ class PacketIndex:
         Their sizes [bytes].
     n_cut : int
         Sonar packets that the end of the file cuts.
-    n_skipped : int
-        Bytes that belong to no whole packet.
+    skipped : Skipped
+        What belongs to no whole packet.
     kinds : dict of int to int
         Number of whole packets of each type.
     raw : dict of int to ndarray of int
@@ -100,7 +101,7 @@ class PacketIndex:
     pings: IntArray
     sizes: IntArray
     n_cut: int
-    n_skipped: int
+    skipped: Skipped
     kinds: dict[int, int]
     raw: dict[int, IntArray]
 
@@ -193,7 +194,7 @@ def index_packets(data: mmap.mmap, start: int) -> PacketIndex:
     """
     view, size = memoryview(data), len(data)
     starts, sizes, kinds = array("q"), array("q"), array("q")
-    position, n_cut, n_skipped, searches = start, 0, 0, _MAX_SEARCHES
+    position, n_cut, searches = start, 0, _MAX_SEARCHES
     while position < size:
         kind, n_bytes = _packet_at(view, position)
         if 0 < n_bytes <= size - position:
@@ -210,21 +211,19 @@ def index_packets(data: mmap.mmap, start: int) -> PacketIndex:
             sizes.pop()
             kinds.pop()
         n_cut += kind == _SONAR and position + n_bytes > size and following == size
-        n_skipped += following - position
         position = following
-    return _sonar_packets(starts, sizes, kinds, n_cut, n_skipped)
-
-
-def _sonar_packets(
-    starts: "array[int]", sizes: "array[int]", kinds: "array[int]", n_cut: int, n_skipped: int
-) -> PacketIndex:
     table = np.array([starts, sizes, kinds], dtype=np.int64)
+    return _sonar_packets(table, n_cut, find_skipped(table[0], table[1], start, size))
+
+
+def _sonar_packets(table: IntArray, n_cut: int, skipped: Skipped) -> PacketIndex:
+    """The index out of where, how long and of which type each whole packet is."""
     is_ping = (table[2] == _SONAR) & (table[1] >= PING_HEADER.itemsize)
     numbers, counts = np.unique(table[2], return_counts=True)
     met = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
     is_whole = table[1] >= RAW_SIZE
     raw = {kind: table[0, is_whole & (table[2] == kind)] for kind in RAW_TYPES if kind in met}
-    return PacketIndex(table[0, is_ping], table[1, is_ping], n_cut, n_skipped, met, raw)
+    return PacketIndex(table[0, is_ping], table[1, is_ping], n_cut, skipped, met, raw)
 
 
 def _packet_at(data: mmap.mmap | memoryview, position: int) -> tuple[int, int]:

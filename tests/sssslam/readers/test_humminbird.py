@@ -124,7 +124,8 @@ def test_a_damaged_record_costs_its_own_ping_only(tmp_path):
     son.write_bytes(bytes(content[:-10]))
     recording = read(dat)
     assert recording.n_pings == 38
-    assert any(note.startswith("B002.SON: ") and "are damaged or cut off" in note for note in recording.notes)
+    said = f"B002.SON: {2 * size - 10} bytes are damaged or cut off and are skipped: in 2 places, the first at byte "
+    assert f"{said}{7 * size}, behind 7 whole records" in recording.notes
 
 
 def test_a_record_that_reaches_into_the_next_is_left_out(tmp_path):

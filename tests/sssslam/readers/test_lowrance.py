@@ -84,7 +84,8 @@ def test_sides_are_matched_by_time(write):
     recording = read(write(bytes(content)))
     assert (recording.n_pings, recording.n_dropped) == (39, 1)
     np.testing.assert_array_equal(recording.port[5], dive.lines("port")[6].astype(np.float32))
-    assert any("bytes are damaged or cut off" in note for note in recording.notes)
+    said = f"{size} bytes are damaged or cut off and are skipped: at byte {8 + 11 * size}, behind 11 whole frames"
+    assert said in recording.notes
 
 
 def test_a_missing_side_is_unknown_and_said(write):

@@ -87,7 +87,9 @@ def test_a_damaged_packet_costs_its_own_ping_only(write):
     packets[5 * 6 + 5] = packets[5 * 6 + 5][:100] + b"\x55\x66" + packets[5 * 6 + 5][102:]
     recording = read(write(StarfishScene().head() + b"".join(packets)))
     assert recording.n_pings == 39
-    assert any("bytes are damaged or cut off" in note for note in recording.notes)
+    start, damaged = (len(b"".join(part)) for part in ((StarfishScene().head(), *packets[:35]), packets[35:36]))
+    said = f"{damaged} bytes are damaged or cut off and are skipped: at byte {start}, behind 35 whole packets"
+    assert said in recording.notes
 
 
 def test_a_packet_inside_another_is_no_packet(write):
