@@ -12,6 +12,7 @@ from frontend.arrays import FloatArray
 from frontend.frames import yaw_from_heading
 from sssslam.navigation.log import NavigationLog
 from sssslam.navigation.moments import midnight, nearest_day, second_of_day, unroll_days
+from sssslam.navigation.nmea_times import come_in_bursts, times_of_bursts, times_of_places
 from sssslam.navigation.series import Series, make_series
 
 _KNOT = 1852 / 3600
@@ -70,7 +71,8 @@ def parse_nmea(lines: Sequence[str], source: str, near: float) -> NavigationLog:
 
     Notes
     -----
-    A sentence without time takes one from its place in the log, between the sentences around it that have one.
+    A sentence without time takes that of its burst where the log repeats one, as receivers write once a fix; else one
+    from its place in the log, between the sentences around it that have a time.
     """
     said = [_parse(k, line) for k, line in enumerate(lines)]
     rows = [row for row in said if isinstance(row, _Row)]
@@ -122,8 +124,9 @@ def _times(rows: Sequence[_Row], near: float) -> FloatArray:
         day = rows[dated].day
         assert day is not None
         first_midnight = midnight(day) + float(seconds[dated] - unrolled[dated])
-    place = np.array([row.line for row in rows], dtype=np.float64)
-    return np.asarray(first_midnight + np.interp(place, place[timed], unrolled[timed]))
+    if come_in_bursts([row.kind for row in rows], seconds):
+        return first_midnight + times_of_bursts(unrolled)
+    return first_midnight + times_of_places(unrolled, np.array([row.line for row in rows], dtype=np.float64))
 
 
 def _parse(number: int, line: str) -> _Row | bool | None:
@@ -145,10 +148,18 @@ def _parse(number: int, line: str) -> _Row | bool | None:
     return row
 
 
+def _number(text: str) -> float:
+    """A number; nothing that is not finite is one."""
+    value = float(text)
+    if not np.isfinite(value):
+        raise ValueError(f"a finite number is wanted, got {text!r}")
+    return value
+
+
 def _angle(text: str, hemisphere: str) -> float:
     """Degrees of ``dddmm.mmmm`` and a letter."""
     point = text.index(".") if "." in text else len(text)
-    value = float(text[: point - 2]) + float(text[point - 2 :]) / 60
+    value = _number(text[: point - 2]) + _number(text[point - 2 :]) / 60
     return -value if hemisphere in "SW" and hemisphere else value
 
 
@@ -170,7 +181,7 @@ def _rmc(words: list[str], row: _Row) -> None:
     row.day = date(2000 + int(words[9][4:6]), int(words[9][2:4]), int(words[9][:2])) if words[9] else None
     if words[2] == "A":
         _position(row, words[3:7])
-        row.values |= {"speed": float(words[7]) * _KNOT} if words[7] else {}
+        row.values |= {"speed": _number(words[7]) * _KNOT} if words[7] else {}
 
 
 def _gll(words: list[str], row: _Row) -> None:
@@ -184,42 +195,42 @@ def _zda(words: list[str], row: _Row) -> None:
 
 
 def _hdt(words: list[str], row: _Row) -> None:
-    row.values["yaw"] = _yaw(float(words[1]))
+    row.values["yaw"] = _yaw(_number(words[1]))
 
 
 def _ths(words: list[str], row: _Row) -> None:
     if words[2] != "V":
-        row.values["yaw"] = _yaw(float(words[1]))
+        row.values["yaw"] = _yaw(_number(words[1]))
 
 
 def _hdg(words: list[str], row: _Row) -> None:
     """Magnetic heading with deviation and variation; without variation it says nothing of true north."""
-    deviation = (-1 if words[3] == "W" else 1) * float(words[2] or 0.0)
-    variation = (-1 if words[5] == "W" else 1) * float(words[4])
-    row.values["yaw"] = _yaw(float(words[1]) + deviation + variation)
+    deviation = (-1 if words[3] == "W" else 1) * _number(words[2] or "0")
+    variation = (-1 if words[5] == "W" else 1) * _number(words[4])
+    row.values["yaw"] = _yaw(_number(words[1]) + deviation + variation)
 
 
 def _vtg(words: list[str], row: _Row) -> None:
     if words[5]:
-        row.values["speed"] = float(words[5]) * _KNOT
+        row.values["speed"] = _number(words[5]) * _KNOT
     elif words[7]:
-        row.values["speed"] = float(words[7]) / 3.6
+        row.values["speed"] = _number(words[7]) / 3.6
 
 
 def _dpt(words: list[str], row: _Row) -> None:
-    row.values["altitude"] = float(words[1])
+    row.values["altitude"] = _number(words[1])
 
 
 def _dbt(words: list[str], row: _Row) -> None:
-    row.values["altitude"] = float(words[3])
+    row.values["altitude"] = _number(words[3])
 
 
 def _pashr(words: list[str], row: _Row) -> None:
     """Time, true heading, roll (starboard down), pitch (nose up) [deg]."""
     row.second = second_of_day(words[1])
-    roll, pitch = np.radians(float(words[4])), -np.radians(float(words[5]))
+    roll, pitch = np.radians(_number(words[4])), -np.radians(_number(words[5]))
     row.values |= {"roll": float(roll), "pitch": float(pitch)}
-    row.values |= {"yaw": _yaw(float(words[2]))} if words[2] else {}
+    row.values |= {"yaw": _yaw(_number(words[2]))} if words[2] else {}
 
 
 def _yaw(heading: float) -> float:

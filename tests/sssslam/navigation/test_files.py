@@ -37,6 +37,10 @@ def _nmea_angle(value: float, width: int) -> str:
     return f"{degrees:0{width}d}{60 * (abs(value) - degrees):09.6f}"
 
 
+def _clock(time: float) -> str:
+    return datetime.fromtimestamp(START + time, UTC).strftime("%H%M%S.%f")[:-4]
+
+
 def _nmea(time: np.ndarray, day: bool = True) -> list[str]:
     """GGA, RMC, HDT, VTG and DPT at every time; heading and depth without a time of their own."""
     latitude, longitude = _degrees(time)
@@ -115,10 +119,41 @@ def test_nmea_gives_position_heading_speed_and_altitude(write):
     np.testing.assert_allclose(log.series["latitude"].time, START + TIME, atol=1e-6)
     np.testing.assert_allclose(log.series["latitude"].values, latitude, atol=1e-8)
     np.testing.assert_allclose(log.series["longitude"].values, longitude, atol=1e-8)
-    # A heading has no time of its own: up to half the 0.5 s between fixes astray, at 0.031 rad/s.
-    np.testing.assert_allclose(log.series["yaw"].values, vehicle(log.series["yaw"].time - START)["yaw"], atol=8e-3)
+    # A heading has no time of its own and takes that of its burst; it is written to a thousandth of a degree.
+    np.testing.assert_allclose(log.series["yaw"].time, START + TIME, atol=1e-6)
+    np.testing.assert_allclose(log.series["yaw"].values, vehicle(TIME)["yaw"], atol=1e-5)
     np.testing.assert_allclose(log.series["speed"].values, 1.5, rtol=1e-4)
     np.testing.assert_allclose(log.series["altitude"].values, vehicle(TIME)["altitude"], atol=1e-3)
+
+
+@pytest.mark.parametrize("interval", [0.13, 0.1])
+def test_sentences_that_come_at_their_own_rate_are_spread_between_the_fixes(write, interval):
+    fixes, headings = np.arange(0.0, 60.0), np.arange(0.05, 59.0, interval)
+    said = [(t, _sentence(f"GPGGA,{_clock(t)},4530.0,N,00530.0,E,1,9,1.0,0.0,M,,M,,")) for t in fixes]
+    said += [(t, _sentence(f"HEHDT,{t:.2f},T")) for t in headings]
+    log = read_navigation(write("\n".join(line for _, line in sorted(said)), "log.txt"), START)
+    # Their order in a second is known: each is told to an interval at either side.
+    np.testing.assert_allclose(log.series["yaw"].time, START + headings, atol=interval)
+
+
+def test_sentences_that_open_a_burst_take_the_time_behind_them(write):
+    fixes = np.arange(0.0, 20.0)
+    lines = [
+        _sentence(words)
+        for t in fixes
+        for words in (f"HEHDT,{t:.2f},T", f"GPGGA,{_clock(t)},4530.0,N,00530.0,E,1,9,1.0,0.0,M,,M,,")
+    ]
+    for said, first in ((lines, 0), (lines[1:], 1)):
+        log = read_navigation(write("\n".join(said), "log.txt"), START)
+        # A log that begins with a fix has each heading behind one: the fix before it is the best guess.
+        np.testing.assert_allclose(log.series["yaw"].time, START + fixes[first:] - first, atol=1e-6)
+
+
+def test_numbers_that_are_none_are_damage(write):
+    lines = [_sentence("GPZDA,221320.00,14,11,2023,00,00"), _sentence("HEHDT,10.0,T"), _sentence("HEHDT,inf,T")]
+    log = read_navigation(write("\n".join(lines), "log.txt"), 0.0)
+    assert len(log.series["yaw"].time) == 1
+    assert log.notes == ("1 sentences with a wrong checksum or field are left out",)
 
 
 def test_nmea_without_a_date_takes_that_of_the_dive_and_goes_on_after_midnight(write):
