@@ -9,6 +9,7 @@ from sssslam.navigation.nmea import looks_like_nmea, parse_nmea
 from sssslam.navigation.series import Series
 from sssslam.navigation.tables import looks_like_table, parse_table
 from sssslam.products.tum import read_tum
+from sssslam.readers.regular_files import read_head
 
 _HEAD_LINES = 200
 
@@ -55,6 +56,7 @@ def read_navigation(path: Path, near: float) -> NavigationLog:
 
 
 def _read_lines(path: Path) -> list[str]:
+    read_head(path, 1, "a file of navigation")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

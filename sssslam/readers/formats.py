@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from frontend.recording import Recording
+from sssslam.readers.regular_files import read_head
 
 HEAD_SIZE = 1024
 ENTRY_POINTS = "sssslam.readers"
@@ -194,19 +195,7 @@ def find_reader(path: Path, readers: Sequence[Reader]) -> Reader:
     ValueError
         If the path is no readable, filled file, or of an unknown format.
     """
-    if path.is_dir():
-        raise ValueError(f"{path}: this is a directory; a recording file is wanted")
-    if not path.exists():
-        raise ValueError(f"{path}: there is no such file; a recording is wanted")
-    if not path.is_file():
-        raise ValueError(f"{path}: this is no regular file; a recording is wanted")
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_SIZE)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be opened ({error.strerror}); a readable recording is wanted") from None
-    if not head:
-        raise ValueError(f"{path}: the file is empty; a recording is wanted")
+    head = read_head(path, HEAD_SIZE, "a recording")
     for reader in readers:
         if reader.recognises(head):
             return reader

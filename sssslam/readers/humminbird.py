@@ -137,6 +137,7 @@ def _notes(files: DiveFiles, description: Description, n_dropped: int) -> list[s
     for name in ("port", "starboard"):
         if getattr(files, name) is None:
             notes.append(f"the dive has no {name} file: that side is unknown")
+    notes += [f"{stray}: it is left out" for stray in files.strays]
     if n_dropped:
         notes.append(f"pings dropped, for lack of a partner on the other side: {n_dropped}")
     return notes

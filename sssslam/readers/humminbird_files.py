@@ -32,11 +32,14 @@ class DiveFiles:
         The SON files of the side beams; None for a side that was not recorded.
     dat : Path or None
         The file that describes the dive.
+    strays : tuple of str
+        Names of SON files beside them that do not start like one, each with the reason.
     """
 
     port: Path | None
     starboard: Path | None
     dat: Path | None
+    strays: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,10 @@ def find_files(path: Path) -> DiveFiles:
     content = path.read_bytes() if path.stat().st_size in _KINDS else b""
     if is_dat(content):
         folders = [path.parent / path.stem, path.parent / _recorded_name(content), path.parent]
-        return _dive(path, next((found for f in folders if (found := _son_files(f))), []), path)
+        found = [sons for sons in map(_son_files, folders) if sons]
+        return _dive(path, next((sons for sons in found if "" in sons.values()), found[0] if found else {}), path)
     sons = _son_files(path.parent)
-    return _dive(path, sons or [path], _dat_of(path.parent))
+    return _dive(path, sons if "" in sons.values() else {path: ""}, _dat_of(path.parent))
 
 
 def _recorded_name(content: bytes) -> str:
@@ -121,17 +125,19 @@ def _recorded_name(content: bytes) -> str:
     return name if name.isalnum() else "-"
 
 
-def _son_files(folder: Path) -> list[Path]:
-    """The files of a folder that start like a SON, whatever the letters of their suffix."""
+def _son_files(folder: Path) -> dict[Path, str]:
+    """The SON files of a folder, whatever the letters of their suffix, and why one is none; empty for one that is."""
     if not folder.is_dir():
-        return []
+        return {}
     named = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".son" and p.is_file())
-    return [p for p in named[:_MAX_SON_FILES] if _starts_with_record(p)]
+    return {p: _why_none(p) for p in named[:_MAX_SON_FILES]}
 
 
-def _starts_with_record(path: Path) -> bool:
+def _why_none(path: Path) -> str:
+    """Why a file does not start like a SON; empty where it does."""
     with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+        head = file.read(len(MAGIC))
+    return "" if head == MAGIC else f"starts with the bytes {head.hex(' ')}" if head else "is empty"
 
 
 def _dat_of(folder: Path) -> Path | None:
@@ -142,10 +148,11 @@ def _dat_of(folder: Path) -> Path | None:
     return found[0] if len(found) == 1 else None
 
 
-def _dive(path: Path, sons: list[Path], dat: Path | None) -> DiveFiles:
+def _dive(path: Path, sons: dict[Path, str], dat: Path | None) -> DiveFiles:
     beams: dict[int, Path] = {}
+    strays = [f"{son.name} {why}" for son, why in sons.items() if why]
     met = []
-    for son in sons:
+    for son in (son for son, why in sons.items() if not why):
         beam, what = _beam(son)
         met.append(f"{son.name} {what}")
         if beam in (PORT, STARBOARD) and beam in beams:
@@ -153,9 +160,9 @@ def _dive(path: Path, sons: list[Path], dat: Path | None) -> DiveFiles:
         beams[beam] = son
     if not {PORT, STARBOARD} & beams.keys():
         folder = path.parent / path.stem if dat == path else path.parent
-        listing = ", ".join(met) or "no SON file"
+        listing = ", ".join([*met, *strays]) or "no SON file"
         raise ValueError(f"{listing} found in or beside {folder}; SON files of beam 2 or 3 (side imaging) are wanted")
-    return DiveFiles(beams.get(PORT), beams.get(STARBOARD), dat)
+    return DiveFiles(beams.get(PORT), beams.get(STARBOARD), dat, tuple(strays))
 
 
 def _beam(son: Path) -> tuple[int, str]:

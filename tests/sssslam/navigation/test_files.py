@@ -1,9 +1,11 @@
 """Files of navigation: CSV, TUM and NMEA give the same track; what is none is refused in one line."""
 
+import os
 import re
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -200,7 +202,8 @@ def test_magnetic_heading_is_taken_last_and_said(write):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "this is no navigation"),
+        ("", "the file is empty; a file of navigation is wanted"),
+        ("\n\n", "this is no navigation"),
         ("Dear diary\n", "this is no navigation"),
         ("x,y\n1,2\n", "this is no navigation"),
         ("time,colour\n1,2\n", "no row holds a time with a position"),
@@ -227,8 +230,15 @@ def test_bytes_and_missing_files_are_refused(tmp_path):
     (tmp_path / "photo").write_bytes(b"\xff\xd8\xff\xe0")
     with pytest.raises(ValueError, match="this is no text"):
         read_navigation(tmp_path / "photo", START)
-    with pytest.raises(ValueError, match="cannot be read"):
+    with pytest.raises(ValueError, match="there is no such file; a file of navigation is wanted"):
         read_navigation(tmp_path / "none.csv", START)
+
+
+def test_a_pipe_and_a_device_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(ValueError, match=f"{path}: this is no regular file; a file of navigation is wanted"):
+            read_navigation(path, 0.0)
 
 
 def test_a_heading_in_radians_that_is_not_called_so_is_pointed_out(write):

@@ -148,6 +148,26 @@ def test_a_dive_without_side_beams_is_refused(tmp_path):
         read(dat)
 
 
+def test_an_empty_or_foreign_son_beside_a_good_one_is_said(tmp_path):
+    dat = HumminbirdScene().write(tmp_path)
+    (tmp_path / "R01224" / "B003.SON").write_bytes(b"")
+    (tmp_path / "R01224" / "B004.SON").write_bytes(b"%PDF-1.4")
+    recording = read(dat)
+    assert np.isnan(recording.starboard).all()
+    said = ("the dive has no starboard file: that side is unknown", "B003.SON is empty: it is left out")
+    assert {*said, "B004.SON starts with the bytes 25 50 44 46: it is left out"} <= set(recording.notes)
+
+
+def test_a_dive_of_empty_files_is_refused_by_their_names(tmp_path):
+    dat = HumminbirdScene().write(tmp_path)
+    for beam in (2, 3):
+        (tmp_path / "R01224" / f"B00{beam}.SON").write_bytes(b"")
+    with pytest.raises(
+        ValueError, match=r"B002.SON is empty, B003.SON is empty found in or beside .*R01224; SON files"
+    ):
+        read(dat)
+
+
 def test_two_files_of_one_beam_are_refused(tmp_path):
     dat = HumminbirdScene().write(tmp_path)
     (tmp_path / "R01224" / "copy.son").write_bytes(HumminbirdScene().son(3))

@@ -57,18 +57,35 @@ def test_what_is_no_recording_is_refused(write, content, words):
 
 
 def test_paths_that_are_no_files_are_refused(tmp_path):
-    assert _refusal(tmp_path) == f"{tmp_path}: this is a directory; a recording file is wanted"
+    assert _refusal(tmp_path) == f"{tmp_path}: this is a directory; a recording is wanted"
     assert "there is no such file" in _refusal(tmp_path / "none.xtf")
     os.mkfifo(tmp_path / "pipe")
     assert "no regular file" in _refusal(tmp_path / "pipe")
+    assert "no regular file" in _refusal(Path("/dev/zero"))
+    too_long = _refusal(tmp_path / ("a" * 5000))
+    assert "aaaaa: cannot be opened (File name too long); a recording is wanted" in too_long
+    assert len(too_long) < 200
     assert "no file was given" in _refusal()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read any file")
-def test_a_file_that_may_not_be_read_is_refused(write):
+@pytest.fixture
+def _somebody():
+    """One who may not read every file, even where the tests run as one who may."""
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    yield
+    os.seteuid(user)
+
+
+@pytest.mark.parametrize("is_locked", ["file", "folder"])
+def test_what_may_not_be_read_is_refused(write, request, is_locked):
     path = write(b"x")
-    path.chmod(stat.S_IWUSR)
-    assert "cannot be opened" in _refusal(path)
+    (path if is_locked == "file" else path.parent).chmod(stat.S_IWUSR)
+    request.getfixturevalue("_somebody")
+    assert "cannot be opened (Permission denied); a recording is wanted" in _refusal(path)
+    os.seteuid(os.getuid())
+    path.parent.chmod(stat.S_IRWXU)
 
 
 def test_channels_of_a_container_cannot_be_chosen(scene, write):
