@@ -36,20 +36,28 @@ def examine_echoes(recording: Recording) -> Lines:
         known = echoes[np.isfinite(echoes)].astype(np.float64)
         if not known.size or np.ptp(known) == 0:
             yield side, "no echoes"
-            yield Finding(f"{side} holds no echoes", "the channel was off; only one side can be reconstructed")
             continue
         levels[side] = float(np.mean(np.abs(known)))
         yield from _spread(side, known)
         yield from _cut(side, known)
+    yield from _silence([side for side in sides if side not in levels])
     yield from _balance(levels)
     yield from _compression(recording)
+
+
+def _silence(silent: list[str]) -> Lines:
+    """Sides without any echo."""
+    if len(silent) == 1:
+        yield Finding(f"{silent[0]} holds no echoes", "the channel was off; only one side can be reconstructed")
+    elif silent:
+        yield Finding("neither side holds echoes", "the sonar was off, or other channels hold them (--channels)")
 
 
 def _spread(side: str, known: FloatArray) -> Lines:
     """Percentiles, dynamic range, and in how many steps it comes."""
     low, middle, high = np.percentile(known, [1, 50, 99])
     positive = known[known > 0]
-    text = f"1 %, 50 %, 99 % of samples below {low:.4g}, {middle:.4g}, {high:.4g}"
+    text = f"1 %, 50 %, 99 % of samples below {low:.5g}, {middle:.5g}, {high:.5g}"
     if positive.size:
         darkest = np.percentile(positive, 1)
         text += f"; {high / darkest:.3g} to 1 ({20 * np.log10(max(high / darkest, 1.0)):.0f} dB if amplitude)"
@@ -68,7 +76,7 @@ def _cut(side: str, known: FloatArray) -> Lines:
     saturated, silent = float(np.mean(known == known.max())), float(np.mean(known == 0))
     if saturated > _SATURATED_SHARE:
         yield Finding(
-            f"{saturated:.1%} of the {side} samples are at the greatest value, {known.max():.4g}",
+            f"{saturated:.1%} of the {side} samples are at the greatest value, {known.max():.6g}",
             "the receiver or recorder saturates: brightness above is lost",
         )
     if silent > _SILENT_SHARE:

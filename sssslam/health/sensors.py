@@ -11,6 +11,7 @@ _FROZEN_TIME, _FROZEN_SHARE = 10.0, 0.1
 _MAX_PITCH = np.radians(10.0)
 # The altimeter's scale that is told, the share of pings that show the bottom, and a speed at which positions change.
 _MAX_SCALE, _LEAST_SEEN, _MOVING = 0.05, 0.5, 0.3
+_AT_SURFACE = 0.3  # a depth sensor there says zero, or what its zero is off by [m]
 
 
 def examine_sensors(recording: Recording) -> Lines:
@@ -38,7 +39,9 @@ def _attitude(recording: Recording) -> Lines:
         angle = np.degrees(getattr(trajectory, name))
         yield name, "0 throughout" if not np.any(angle) else f"{span(angle, 'deg')}, positive {positive}"
         if not np.any(angle):
-            yield Finding(f"{name} is 0 in every ping", "it was not recorded; level flight is assumed")
+            yield Finding(
+                _unrecorded(recording, name), "level flight is assumed: echoes of a vehicle that tilts are placed wrong"
+            )
     pitch = float(np.median(trajectory.pitch))
     if abs(pitch) > _MAX_PITCH:
         way = "down" if pitch > 0 else "up"
@@ -46,6 +49,12 @@ def _attitude(recording: Recording) -> Lines:
             f"the nose points {abs(np.degrees(pitch)):.0f} deg {way} in the middle of all pings",
             "the beam looks that far ahead or astern; altitude times its cosine is the first return",
         )
+
+
+def _unrecorded(recording: Recording, name: str) -> str:
+    """An angle that is 0 throughout, in the words of its reader where that said so."""
+    said = (note for note in recording.notes if note.startswith(f"{name} is not recorded"))
+    return next(said, f"{name} is 0 in every ping")
 
 
 def _altitude(recording: Recording) -> Lines:
@@ -94,7 +103,9 @@ def _frozen(recording: Recording) -> Lines:
     """Series that stay the same to the last bit for long while the vehicle moves on."""
     trajectory = recording.trajectory_dr
     series = {name: getattr(trajectory, name) for name in ("roll", "pitch", "yaw")}
-    series |= {name: getattr(recording, name) for name in ("altitude", "depth")}
+    series["altitude"] = recording.altitude
+    # What stays at the surface does not change its depth.
+    series["depth"] = np.where(recording.depth < _AT_SURFACE, np.nan, recording.depth)
     if np.nanmax(recording.speed, initial=0.0) > _MOVING:
         series["position"] = trajectory.x + 1j * trajectory.y
     time = recording.ping_time

@@ -137,6 +137,13 @@ FAULTS = {
     "of the port samples are at the greatest value, 20": lambda r: replace(r, port=np.minimum(r.port, np.float32(20))),
     "starboard is 10.0 times darker": lambda r: replace(r, starboard=r.port / 10),
     "port is 10.0 times darker": lambda r: replace(r, port=r.starboard / 10),
+    "neither side holds echoes": lambda r: replace(r, port=np.zeros_like(r.port), starboard=np.zeros_like(r.port)),
+    "of the port samples are at the greatest value, 32767 ->": lambda r: replace(
+        r, port=np.minimum(1000 * r.port, 32767)
+    ),
+    "pitch is not recorded: 0 is assumed -> level flight is assumed": lambda r: replace(
+        _moved(r, pitch=np.zeros(200)), notes=("pitch is not recorded: 0 is assumed",)
+    ),
     "33% of the pings could not be used": lambda r: replace(r, n_dropped=100),
     "there is one ping only": lambda r: r[:1],
 }
@@ -145,6 +152,17 @@ FAULTS = {
 @pytest.mark.parametrize("words", FAULTS)
 def test_a_fault_is_found(words):
     assert words in _said(examine(FAULTS[words](_recording())))
+
+
+def test_a_vehicle_at_the_surface_has_no_frozen_depth_sensor():
+    sound = _recording()
+    assert "depth" not in _said(examine(replace(sound, depth=_frozen(0.01 * sound.depth))))
+
+
+def test_one_dark_side_is_not_two():
+    sound = _recording()
+    said = _said(examine(replace(sound, port=np.zeros_like(sound.port), starboard=np.zeros_like(sound.port))))
+    assert "only one side" not in said
 
 
 def test_a_recording_is_not_changed_by_its_examination():
@@ -242,7 +260,8 @@ def test_the_starfish_dive_shows_its_known_faults():
     said = _said(health)
     # Its description: bursts of stamps, no roll or pitch, a track that crosses itself twice.
     assert "ping times repeat or come in bursts" in said
-    assert "roll is 0 in every ping" in said
+    assert "roll is not recorded" in said
+    assert "depth does not change" not in said
     course = dict(health.rows)["course"]
     assert "it crosses itself 2x" in course
     assert "no place is passed twice" not in course
