@@ -9,6 +9,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
 
 from frontend.arrays import BoolArray, FloatArray
+from frontend.footprints import distance_from_track, evenness, without_profile
 from frontend.submaps import Submap
 
 
@@ -129,7 +130,11 @@ def extract_relief(submap: Submap, config: ReliefConfig | None = None) -> Relief
     height, sigma = np.where(known, submap.surface.z, 0.0), np.where(known, submap.sigma, 1.0)
     spacing = submap.surface.spacing
     weight = known / (1 + (sigma / max(float(np.median(sigma[known])), 1e-9)) ** 2) if known.any() else sigma * 0.0
+    distance = distance_from_track(submap)
     z, reflectivity = (band_pass(a, weight, spacing, config) for a in (height, np.nan_to_num(submap.log_reflectivity)))
+    even = evenness(z, weight, distance, spacing)
+    z, reflectivity = (without_profile(a, weight, distance, spacing) for a in (z, reflectivity))
+    weight = weight * even
     weight = weight * _support(known, _longest(spacing, config) * _HALF / spacing)
     trusted = weight > 0
     z, reflectivity = _clipped(z, trusted, config.clip), np.where(trusted, reflectivity, 0.0)

@@ -1,6 +1,6 @@
 """A submap: the seafloor of one window of pings, in its own level frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,8 @@ class Submap:
         Natural logarithm of the reflectivity against the dive's mean.
     is_shadow : ndarray of bool, shape (n_y, n_x)
         Cells that no ping of the window sees directly.
+    track : ndarray, shape (n_pings, 3)
+        Body positions of the window's pings in the submap frame [m]; none where nobody knows them any more.
     """
 
     number: int
@@ -51,6 +53,7 @@ class Submap:
     sigma: FloatArray
     log_reflectivity: FloatArray
     is_shadow: BoolArray
+    track: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @cached_property
     def is_known(self) -> BoolArray:

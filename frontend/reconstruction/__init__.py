@@ -1,11 +1,13 @@
 """From echoes to seafloor shape: methods with one signature."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.bottom import Bottom
+from frontend.frames import invert, transform
 from frontend.radiometry import Radiometry
 from frontend.reconstruction import coiras, joint, woock
 from frontend.reconstruction.calibration import calibrate
@@ -57,4 +59,10 @@ def method_of(config: ReconstructionConfig) -> Method:
         Takes a recording, a window, the dive's bottom and radiometry; gives a Submap.
     """
     reconstruct, section = _METHODS[config.method], getattr(config, config.method)
-    return lambda recording, window, bottom, radiometry: reconstruct(recording, window, bottom, radiometry, section)
+
+    def reconstruct_with_track(recording: Recording, window: Window, bottom: Bottom, radiometry: Radiometry) -> Submap:
+        submap = reconstruct(recording, window, bottom, radiometry, section)
+        pings = recording.trajectory_dr.positions[submap.first_ping : submap.end_ping]
+        return replace(submap, track=transform(invert(submap.T_world_submap_dr), pings))
+
+    return reconstruct_with_track
