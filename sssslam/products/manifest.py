@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from frontend.trajectory import Trajectory
+from sssslam.health import examine
 
 if TYPE_CHECKING:
     from sssslam.products.result import Result
@@ -69,6 +70,7 @@ def describe_run(result: "Result", metrics: Sequence[Measured]) -> dict[str, Any
         "track": describe_track(result.trajectory, recording.trajectory_dr),
         "timings": [{"stage": stage, "seconds": round(t, 3)} for stage, t in result.timings.items()],
         "notes": list(dict.fromkeys([*recording.notes, *result.notes])),
+        "findings": [{"what": found.what, "advice": found.advice} for found in examine(recording).findings],
         "metrics": describe_metrics(metrics),
     }
 

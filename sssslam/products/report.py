@@ -35,7 +35,8 @@ def render_report(out: Path) -> str:
     html : str
         A page that needs no other file. Wall times stand between ``<!-- timings -->`` and ``<!-- /timings -->`` only.
     """
-    manifest = read_manifest(out / "run.json")
+    manifest = {"findings": []} | read_manifest(out / "run.json")
+    suspicious = {finding["what"] for finding in manifest["findings"]}
     loop_closures, _ = read_loop_closures(out / "loop_closures.csv")
     return _template().render(
         title=manifest["input"]["source"] or "a recording",
@@ -48,6 +49,7 @@ def render_report(out: Path) -> str:
         n_closures=len(loop_closures),
         reasons=count_reasons(loop_closures),
         manifest=manifest,
+        notes=[note for note in manifest["notes"] if note not in suspicious],
         config=(out / "config.toml").read_text(encoding="utf-8"),
     )
 

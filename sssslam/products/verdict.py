@@ -105,7 +105,7 @@ def _moved(manifest: Mapping[str, Any]) -> str:
     if movers:
         return f"{' and '.join(movers)} moved the track by {rms} (root mean square), at most {most}."
     if manifest["track"]["shift_max"] < _SAME_TRACK:
-        return "Without a loop closure there is nothing to correct: the track is the dead-reckoned one."
+        return "Without a loop closure there is nothing to correct: the track is the one that was given."
     return f"The track was moved by at most {most} all the same."
 
 

@@ -51,6 +51,11 @@ def test_a_note_that_two_stages_give_is_told_once(result: Result) -> None:
     assert describe_run(twice, ())["notes"] == ["Ping 0 had no position.", "Port is the finer channel."]
 
 
+def test_what_looks_wrong_in_the_recording_is_told_with_advice(result: Result) -> None:
+    findings = describe_run(result, ())["findings"]
+    assert any(row["what"].startswith("altitude does not change") and row["advice"] for row in findings)
+
+
 def test_an_unknown_metric_is_null() -> None:
     metric = SimpleNamespace(name="rpe_50m", value=float("nan"), unit="m", how="0 pairs")
     assert describe_metrics([metric]) == [{"name": "rpe_50m", "value": None, "unit": "m", "how": "0 pairs"}]

@@ -1,6 +1,8 @@
 """Tests of the report page."""
 
+import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -110,3 +112,23 @@ def test_angles_are_told_in_degrees(written: Path, page: str) -> None:
     closure = next(c for c in read_loop_closures(written / "loop_closures.csv")[0] if c.accepted)
     yaw = np.rad2deg(np.arctan2(closure.T_target_source[1, 0], closure.T_target_source[0, 0]))
     assert f"{yaw:.1f}".replace("-", "\u2212") in page
+
+
+def test_what_looks_wrong_stands_before_what_was_chosen(page: str) -> None:
+    # The dive has an altitude of 12.0 m from the first ping to the last.
+    wrong, chosen = page.index("What looks wrong in it"), page.index("What was assumed, and what was chosen")
+    assert wrong < page.index("<strong>altitude does not change for") < chosen
+    assert chosen < page.index("Port is the finer channel.")
+
+
+def test_a_run_without_findings_can_still_be_shown(written: Path, tmp_path: Path) -> None:
+    out = shutil.copytree(written, tmp_path / "old")
+    manifest = json.loads((out / "run.json").read_text())
+    said = manifest.pop("findings")[0]["what"]
+    (out / "run.json").write_text(json.dumps(manifest | {"notes": [said]}))
+    page = render_report(out)
+    assert "What looks wrong in it" not in page
+    assert said in page
+    # A finding is not repeated among the notes.
+    (out / "run.json").write_text(json.dumps(manifest | {"notes": [said], "findings": [{"what": said, "advice": "x"}]}))
+    assert render_report(out).count(said) == 1

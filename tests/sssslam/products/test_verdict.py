@@ -33,7 +33,7 @@ def test_a_run_that_made_it_worse_says_so() -> None:
 def test_a_straight_track_has_nothing_to_correct() -> None:
     said = verdict(manifest(accepted=0, candidates=0, shift=0.0))
     assert said[1] == "No two submaps were compared: the track passes no place again, or was not known to."
-    assert said[2] == "Without a loop closure there is nothing to correct: the track is the dead-reckoned one."
+    assert said[2] == "Without a loop closure there is nothing to correct: the track is the one that was given."
     assert said[3] == "There is no reference to judge the corrected track by."
 
 
