@@ -26,8 +26,14 @@ from sssslam.readers.netcdf_writing import write_netcdf
 
 __all__ = ["read_netcdf", "write_netcdf"]
 
-# Twice the memory of a large workstation's recording; more is a damaged header [bytes].
-_MAX_BYTES = 1 << 36
+# Twice the memory of a large workstation's recording; more is a damaged header [bytes]. So is more, over what a small
+# file may hold, than the deflation of zeros gives.
+_MAX_BYTES, _MAX_RATIO, _SMALL = 1 << 36, 1100, 1 << 24
+# What the libraries of the container raise where it is damaged.
+_DAMAGE = (
+    *(OSError, RuntimeError, LookupError, AttributeError, TypeError),
+    *(ArithmeticError, UnicodeError, MemoryError, AssertionError),
+)
 
 
 def read_netcdf(path: str | Path) -> Recording:
@@ -52,7 +58,7 @@ def read_netcdf(path: str | Path) -> Recording:
     path = Path(path)
     try:
         return _read(path)
-    except (OSError, RuntimeError, KeyError, IndexError, TypeError, OverflowError, UnicodeError, MemoryError) as error:
+    except _DAMAGE as error:
         raise ValueError(f"{path}: the container is damaged ({_in_one_line(error)})") from None
     except ValueError as error:
         raise ValueError(f"{path}: {_in_one_line(error)}") from None
@@ -95,9 +101,10 @@ def _read(path: Path) -> Recording:
 
 def _open(path: Path, group: str | None) -> xr.Dataset:
     with xr.open_dataset(path, group=group, engine="netcdf4", decode_times=False, decode_coords=False) as dataset:
-        if dataset.nbytes > _MAX_BYTES:
+        most = min(_MAX_BYTES, max(_MAX_RATIO * path.stat().st_size, _SMALL))
+        if dataset.nbytes > most:
             raise ValueError(
-                f"the container says it holds {dataset.nbytes / 1e9:.0f} GB; at most {_MAX_BYTES / 1e9:.0f} GB are read"
+                f"the container says it holds {dataset.nbytes / 1e6:.4g} MB; at most {most / 1e6:.4g} MB fit in it"
             )
         return dataset.load()
 

@@ -421,14 +421,36 @@ def test_what_a_stranger_got_wrong_is_one_line(foreign, changes, words):
     assert "\n" not in str(caught.value)
 
 
-def test_a_container_of_absurd_size_is_refused(tmp_path):
+@pytest.mark.parametrize(("pings", "said"), [(1 << 22, "1.1e+06 MB"), (1 << 14, "4295 MB")])
+def test_a_container_that_says_it_holds_more_than_fits_is_refused(tmp_path, pings, said):
     path = tmp_path / "huge.nc"
     with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("ping", 1 << 22)
+        file.createDimension("ping", pings)
         file.createDimension("sample", 1 << 16)
         file.createVariable("port", "f4", ("ping", "sample"), zlib=True)
-    with pytest.raises(ValueError, match="the container says it holds 1100 GB; at most 69 GB are read"):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  the words are checked below
         read(path)
+    assert f"{path}: the container says it holds {said}; at most " in str(caught.value)
+
+
+def test_a_container_of_zeros_is_no_bomb(tmp_path):
+    recording = _recording()
+    zeros = np.zeros((recording.n_pings, 100_000), dtype=np.float32)
+    write_netcdf(replace(recording, port=zeros, starboard=zeros), tmp_path / "zeros.nc")
+    # More than fits in a small file without deflation of a hundred to one and more.
+    assert 2 * zeros.nbytes > max(1 << 24, 100 * (tmp_path / "zeros.nc").stat().st_size)
+    assert read(tmp_path / "zeros.nc").n_samples == 100_000
+
+
+@pytest.mark.parametrize("error", [AttributeError("NetCDF: Can't open\nHDF5 attribute"), ZeroDivisionError("by zero")])
+def test_whatever_the_library_says_of_damage_is_one_line(tmp_path, monkeypatch, error):
+    def fail(*_, **__):
+        raise error
+
+    write_netcdf(_recording(), tmp_path / "dive.nc")
+    monkeypatch.setattr(xr, "open_dataset", fail)
+    with pytest.raises(ValueError, match=r"dive\.nc: the container is damaged \((NetCDF: Can't open HDF5|by zero)"):
+        read(tmp_path / "dive.nc")
 
 
 def test_a_cut_container_is_one_line(tmp_path):
