@@ -22,9 +22,9 @@ from sssslam.navigation.dead_reckoned import rebuild_dead_reckoned
 from sssslam.readers.held_navigation import fill_unknown
 
 HERE = Path(__file__).resolve().parent
-# Drift that is injected, enough to stand out from a GNSS that jumps by 4 m: the speed reads too little by this share,
-# the heading turns away by this much a second.
-SPEED_SCALE, HEADING_RATE = -0.1, np.radians(-0.1)
+# Drift that is injected: the speed reads too little by this share, the heading turns away by this much a second. The
+# larger stands out from a GNSS that jumps by 4 m; the smaller is nearer to what a vehicle without Doppler log has.
+LARGE_DRIFT, SMALL_DRIFT = (-0.1, np.radians(-0.1)), (-0.05, np.radians(-0.03))
 COLUMNS = (
     *("dive", "navigation", "settings", "submaps", "candidates", "right", "likely", "likely and right", "accepted"),
     *("kept", "ATE dead-reckoned [m]", "ATE corrected [m]", "s"),
@@ -61,7 +61,10 @@ CASES = (
     Case("starfish", "recorded"),
     Case("starfish", "dead-reckoned"),
     Case("starfish", "drifting"),
+    Case("starfish", "drifting less"),
     Case("starfish", "dead-reckoned", WINDOWS_15),
+    Case("starfish", "drifting", WINDOWS_15),
+    Case("starfish", "drifting less", WINDOWS_15),
     Case("starfish", "dead-reckoned", WINDOWS_45),
     Case("starfish", "dead-reckoned", DOPPLER),
     Case("scotsman", "recorded"),
@@ -71,11 +74,11 @@ CASES = (
 )
 
 
-def drift(recording: sssslam.Recording) -> sssslam.Recording:
-    """Dead reckoning with the stated drift; the recorded track stays the reference."""
+def drift(recording: sssslam.Recording, scale: float, rate: float) -> sssslam.Recording:
+    """Dead reckoning with a stated drift; the recorded track stays the reference."""
     track = recording.trajectory_dr
-    yaw = wrap_angle(track.yaw + HEADING_RATE * (track.time - track.time[0]))
-    speed = (1 + SPEED_SCALE) * fill_unknown(track.time, recording.speed)
+    yaw = wrap_angle(track.yaw + rate * (track.time - track.time[0]))
+    speed = (1 + scale) * fill_unknown(track.time, recording.speed)
     wrong = replace(recording, trajectory_dr=replace(track, yaw=yaw), speed=speed)
     return replace(rebuild_dead_reckoned(wrong), truth=sssslam.Truth(track))
 
@@ -88,7 +91,8 @@ def as_recorded(recording: sssslam.Recording) -> sssslam.Recording:
 NAVIGATION: dict[str, Callable[[sssslam.Recording], sssslam.Recording]] = {
     "recorded": as_recorded,
     "dead-reckoned": rebuild_dead_reckoned,
-    "drifting": drift,
+    "drifting": lambda recording: drift(recording, *LARGE_DRIFT),
+    "drifting less": lambda recording: drift(recording, *SMALL_DRIFT),
 }
 
 
@@ -110,7 +114,7 @@ def run(case: Case, settings: list[str], out: Path, river: Path) -> str:
     start = time.perf_counter()
     result = sssslam.slam(recording, config)
     seconds = time.perf_counter() - start
-    folder = out / f"{case.dive}-{case.navigation}-{case.label.replace(' ', '-')}"
+    folder = out / f"{case.dive} {case.navigation} {case.label}".replace(" ", "-")
     result.write(folder)
     truth = recording.truth.trajectory
     anchors = {submap.number: submap.anchor_time for submap in result.submaps}
