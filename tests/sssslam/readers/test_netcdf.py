@@ -20,6 +20,7 @@ from frontend.trajectory import Trajectory
 from sssslam.readers import netcdf_layout, read
 from sssslam.readers.netcdf import read_netcdf, write_netcdf
 from sssslam.readers.netcdf_writing import write_netcdf_chunks
+from tests.sssslam.readers.damage import damaged, survivor
 
 
 def assert_same(one: object, other: object) -> None:
@@ -462,6 +463,17 @@ def test_a_cut_container_is_one_line(tmp_path):
         with pytest.raises(ValueError, match=r"cut\.nc") as caught:
             read(path)
         assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_no_damage_makes_anything_but_a_recording_or_one_line(tmp_path, seed):
+    whole, path = tmp_path / "whole.nc", tmp_path / "damaged.nc"
+    if not whole.exists():
+        write_netcdf(_recording(), whole)
+    path.write_bytes(damaged(whole.read_bytes(), np.random.default_rng(seed), keep=8))
+    # What is not refused holds the numbers it holds: a container is its own word for them.
+    survivor(path)
 
 
 def test_the_layout_knows_a_unit_for_what_sensors_are_called():
