@@ -23,7 +23,10 @@ class RadiometryConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     exponent: float = Field(
-        default=2.0, gt=0, description="Exponent [1] of cos(incidence); 2 is Lambert's law for intensity."
+        default=2.0, gt=0, description="Exponent [1] of cos(incidence) that is usual; 2 is Lambert's law for intensity."
+    )
+    exponent_spread: float = Field(
+        default=0.35, gt=0, description="Standard deviation [1] of its logarithm of floors about it; 0.01 holds it."
     )
     angle_step: float = Field(
         default=0.035, gt=0, description="Knots of the beam pattern [rad]; two degrees resolve sidelobes."

@@ -1,15 +1,17 @@
 """Calibration of a dive's beam pattern from windows all over it, before it is held fixed in each of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry, RadiometryConfig, Tables, estimate_radiometry
 from frontend.reconstruction.joint import JointConfig, coarse_to_fine, descend, make_posterior
 from frontend.reconstruction.posterior import Posterior
+from frontend.reconstruction.scattering import likeliest_exponent
 from frontend.reconstruction.seafloor import estimate_seafloor
 from frontend.reconstruction.solver import Solution
 from frontend.reconstruction.window_data import WindowData, window_data
@@ -41,12 +43,13 @@ def calibrate(
     Returns
     -------
     calibrated : Radiometry
-        Beam pattern, range law and noise floor for every window of the dive.
+        Beam pattern, range law, noise floor and scattering exponent for every window of the dive.
 
     Notes
     -----
     A slope profile across track that all windows share and a beam pattern cannot be told apart (SCIENCE 7.1); over many
-    places true slopes average out, so what is left in the mean is the beam pattern.
+    places true slopes average out, so what is left in the mean is the beam pattern. The scattering exponent comes
+    first, for the pattern is what is left over a flat floor that scatters by it.
     """
     estimate = estimate_radiometry(recording, bottom, radiometry)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(radiometry.n_windows, len(windows))).astype(int))
@@ -55,6 +58,8 @@ def calibrate(
         return estimate
     altitudes = [float(np.median(part.altitude)) for part in data]
     estimate = _with_seafloor(estimate, data, altitudes, joint)
+    if radiometry.n_rounds:
+        estimate = _with_exponent(partial(_under, recording, bottom, (radiometry, estimate)), data, radiometry, joint)
     free = joint.model_copy(update={"prior": joint.prior.model_copy(update={"beam": _FREE})})
     for _ in range(radiometry.n_rounds):
         solved = list(in_order(partial(_coarsely, estimate, free), data))
@@ -73,6 +78,29 @@ def _with_seafloor(
     """The same radiometry with roughness and reflectivity as the echoes show them over a flat floor."""
     posteriors = list(in_order(lambda part: make_posterior(part, radiometry, config), data))
     return replace(radiometry, seafloor=estimate_seafloor(posteriors, altitudes, config.prior.longest))
+
+
+def _under(
+    recording: Recording, bottom: Bottom, known: tuple[RadiometryConfig, Radiometry], exponent: float
+) -> Radiometry:
+    """The first estimate as it would be under another scattering exponent."""
+    config, estimate = known
+    if exponent == config.exponent:
+        return estimate
+    other = estimate_radiometry(recording, bottom, config.model_copy(update={"exponent": exponent}))
+    return replace(estimate, tables=other.tables)
+
+
+def _with_exponent(
+    under: Callable[[float], Radiometry], data: Sequence[WindowData], config: RadiometryConfig, joint: JointConfig
+) -> Radiometry:
+    """Radiometry under the scattering exponent that foretells lines kept aside, of all that ``under`` can give."""
+
+    def misfit(exponent: float) -> FloatArray:
+        solved = in_order(partial(_coarsely, under(exponent), joint), data)
+        return np.array([posterior.held_out_cost(solution.mu) for posterior, solution in solved])
+
+    return under(likeliest_exponent(misfit, config.exponent, config.exponent_spread))
 
 
 def _with_common_beam(tables: Tables, solved: Sequence[tuple[Posterior, Solution]]) -> Tables:

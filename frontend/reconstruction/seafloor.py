@@ -88,8 +88,8 @@ def _unlikeliness(logarithms: FloatArray, waves: Sequence[Waves], longest: float
     return float(total)
 
 
-def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, float, FloatArray]]:
-    """A side each: logarithm of echo over flat floor on a ground grid, its spacing, its rows in altitudes."""
+def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, float, float]]:
+    """A side each: logarithm of echo over flat floor on a ground grid, its spacing, its `Waves.sensitivity`."""
     sensor, bins, spacing = posterior.beams.sensor[:, 0, :2], posterior.bins, posterior.raster.spacing
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(sensor, axis=0).T))])
     slant_range = (np.arange(bins.intensity.shape[2]) + 0.5) * bins.width
@@ -101,7 +101,8 @@ def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, flo
     row, column = np.meshgrid(np.floor((across - low) / spacing).astype(int), np.floor(along / spacing).astype(int))
     inside = (row >= 0) & (row < n_y) & (column < n_x)
     mu = posterior.predict(posterior.origin())
-    y = low + spacing * (np.arange(n_y) + 0.5)
+    y = (low + spacing * (np.arange(n_y) + 0.5)) / altitude
+    sensitivity = float(np.mean((posterior.tables.exponent * y + 1 / y) ** 2))
     images = []
     for side in range(2):
         floor = bins.floor[side]
@@ -111,12 +112,12 @@ def _images(posterior: Posterior, altitude: float) -> list[tuple[FloatArray, flo
         count = np.bincount(cells, minlength=n_y * n_x)
         mean = np.bincount(cells, ratio[good], n_y * n_x) / np.maximum(count, 1)
         logarithm = np.where(count > 0, np.log(np.clip(mean, 0.05, 20.0)), 0.0).reshape(n_y, n_x)
-        images.append((np.asarray(logarithm), spacing, np.asarray(y / altitude)))
+        images.append((np.asarray(logarithm), spacing, sensitivity))
     return images
 
 
-def _waves(image: FloatArray, spacing: float, across: FloatArray) -> Waves:
-    """Waves of a side's image; ``across`` in altitudes. What all lines share is the beam pattern's and left out."""
+def _waves(image: FloatArray, spacing: float, sensitivity: float) -> Waves:
+    """Waves of a side's image. What all lines share is the beam pattern's and left out."""
     level = image - np.median(image, axis=1, keepdims=True)
     bound = _CLIP * 1.4826 * float(np.median(np.abs(level))) + 1e-9
     level = np.clip(level, -bound, bound)
@@ -124,4 +125,4 @@ def _waves(image: FloatArray, spacing: float, across: FloatArray) -> Waves:
     k2_y, k2 = np.broadcast_to(k2_y, image.shape), k2_y + k2_x
     told = (k2_x > 0) & (k2 < (2 * np.pi / (_SHORTEST * spacing)) ** 2)
     power = to_cosine(level) ** 2
-    return Waves(power[told], k2_y[told], k2[told], float(np.mean((2 * across + 1 / across) ** 2)), spacing**2)
+    return Waves(power[told], k2_y[told], k2[told], sensitivity, spacing**2)

@@ -38,9 +38,13 @@ def draw(density: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.asarray(from_cosine(rng.standard_normal(density.shape) * np.sqrt(density)))
 
 
-def seen(floor: Seafloor, seed: int, boulders: float = 0.0) -> Posterior:
+def seen(floor: Seafloor, seed: int, boulders: float = 0.0, exponent: float = 2.0) -> Posterior:
     """Echoes of a floor with four looks, nothing solved yet."""
-    rng, (raster, beams, bins), tables = np.random.default_rng(seed), flight(), make_tables()
+    rng, (raster, beams, bins), tables = (
+        np.random.default_rng(seed),
+        flight(),
+        replace(make_tables(), exponent=exponent),
+    )
     k2 = np.add(*wavenumbers(raster))
     z = -12.0 + draw(relief_spectrum(k2, floor.roughness, LONGEST), rng)
     z += np.where(rng.uniform(size=z.shape) < 0.002, boulders, 0.0)
@@ -58,6 +62,13 @@ def test_roughness_and_reflectivity_come_back(floor: Seafloor) -> None:
     # the floor is taken for flat, and two windows hold few long waves: a factor of two in power, 1.5 in amplitude
     assert 0.4 < found.roughness / floor.roughness < 2.5
     assert 0.6 < found.reflectivity / floor.reflectivity < 1.6
+
+
+@pytest.mark.parametrize("exponent", [1.0, 4.0])
+def test_roughness_comes_back_under_another_scattering_exponent(exponent: float) -> None:
+    floor = Seafloor(0.003, 0.2, 5.0)
+    found = estimate_seafloor([seen(floor, seed, exponent=exponent) for seed in (1, 2)], [12.0, 12.0], LONGEST)
+    assert 0.4 < found.roughness / floor.roughness < 2.5  # as above; taken for Lambert's it would be a quarter or four
 
 
 def test_patches_are_not_taken_for_relief() -> None:
