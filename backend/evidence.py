@@ -13,7 +13,8 @@ from backend.innovations import Innovations
 from backend.triangular import factorise, inverse, without_rows
 
 _DIMENSIONS = 3  # yaw, x, y
-_GATE = float(chdtri(_DIMENSIONS, 1e-4))  # squared radius of the gate: hardly a true closure lies outside
+GATE = float(chdtri(_DIMENSIONS, 1e-4))  # squared radius of the gate: hardly a true closure lies outside
+GATE_AXIS = float(np.sqrt(GATE / 5.0))  # standard deviation along an axis of what lies evenly in a ball of that radius
 _LARGEST = 50.0  # log of a ratio that is as good as endless
 _SHARE_AT_ONCE = 8  # of the losers, one in so many goes at a time: the worst drag others down
 _LOG_NORMAL = -0.5 * _DIMENSIONS * np.log(2.0 * np.pi)
@@ -32,12 +33,45 @@ def log_evidence(members: Innovations, scale: float) -> float:
     Returns
     -------
     log_evidence : float
-        Log ratio of the likelihoods; the scale has a log-normal prior, a factor of two to either side.
+        Log ratio of the likelihoods, with the prior of the scale.
     """
-    factor, whitened = factorise(members.joint_covariance(scale), members.residuals.reshape(1, -1))
-    log_true = -0.5 * (whitened**2).sum() - np.log(np.diag(factor)).sum()
-    log_prior = -0.5 * (np.log(scale) / np.log(2.0)) ** 2
-    return float(log_true + len(members) * _LOG_NORMAL - log_gate(members, 1.0).sum() + log_prior)
+    log_true = log_joint(members.residuals, members.joint_covariance(scale))
+    return log_true - float(log_gate(members, 1.0).sum()) + log_scale_prior(scale)
+
+
+def log_joint(residuals: FloatArray, covariance: FloatArray) -> float:
+    """Log density of all residuals together about zero.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (K, 3)
+        Yaw, x, y [rad, m, m].
+    covariance : ndarray, shape (3 K, 3 K)
+        Of all.
+
+    Returns
+    -------
+    log_density : float
+        Its logarithm.
+    """
+    factor, whitened = factorise(covariance, residuals.reshape(1, -1))
+    return float(len(residuals) * _LOG_NORMAL - 0.5 * (whitened**2).sum() - np.log(np.diag(factor)).sum())
+
+
+def log_scale_prior(scale: float) -> float:
+    """Log of how likely a scale of the odometry is beside one: log-normal, a factor of two to either side.
+
+    Parameters
+    ----------
+    scale : float
+        Dead reckoning is this much worse than said.
+
+    Returns
+    -------
+    log_prior : float
+        Zero for one, negative else.
+    """
+    return float(-0.5 * (np.log(scale) / np.log(2.0)) ** 2)
 
 
 def log_gate(closures: Innovations, scale: float) -> FloatArray:
@@ -56,7 +90,7 @@ def log_gate(closures: Innovations, scale: float) -> FloatArray:
         Its logarithm [1/(rad m**2)].
     """
     drift = closures.drift[closures.last] - closures.drift[closures.first]
-    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(_GATE)
+    log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(GATE)
     return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])
 
 

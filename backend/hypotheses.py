@@ -7,12 +7,12 @@ from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
 from backend.cliques import CliqueSearch
+from backend.credibility import is_credible
 from backend.evidence import least_gains, log_evidence, surpluses, without_losers
 from backend.growth import grown_sets
 from backend.innovations import Innovations
-from backend.votes import ConsistencyConfig, count_votes, group_closures
+from backend.votes import ConsistencyConfig, count_votes, founders, group_closures, scales_of
 
-_SCALE_STEP = np.sqrt(2.0)  # from one scale of the odometry to the next; finer than any few closures can tell
 _DIMENSIONS = 3  # yaw, x, y
 _N_GROWN = 3  # sets at each scale that may be the best of all
 _MAX_ROUNDS = 5  # of adding to a set and dropping from it; most settle in two
@@ -31,15 +31,19 @@ def best_hypothesis(closures: Innovations, config: ConsistencyConfig) -> tuple[I
     Returns
     -------
     members : ndarray of int, shape (M,)
-        The set; empty where false closures explain everything better.
+        The set; empty where false closures explain everything better or no set is credible.
     scale : float
         How much worse than modelled dead reckoning is, by its account.
     """
     hypotheses = list(_hypotheses(closures, config))
-    evidence = [_vote_evidence(closures[members], scale, config) for members, scale in hypotheses]
-    if max(evidence, default=-np.inf) < 0.0:
-        return np.zeros(0, dtype=np.int64), 1.0
-    return _polished(closures, *hypotheses[int(np.argmax(evidence))], config)
+    evidence = np.array([_vote_evidence(closures[members], scale, config) for members, scale in hypotheses])
+    for best in np.argsort(-evidence, kind="stable"):
+        if evidence[best] < 0.0:
+            break
+        members, scale = _polished(closures, *hypotheses[int(best)], config)
+        if is_credible(closures, members, scale, config):
+            return members, scale
+    return np.zeros(0, dtype=np.int64), 1.0
 
 
 def refined(closures: Innovations, start: IntArray, scale: float, config: ConsistencyConfig) -> IntArray:
@@ -120,7 +124,7 @@ def fitted_scale(members: Innovations, config: ConsistencyConfig) -> float:
     scale : float
         The factor that explains the set best.
     """
-    scales = _scales(config)
+    scales = scales_of(config)
     return scales[int(np.argmax([_vote_evidence(members, scale, config) for scale in scales]))]
 
 
@@ -156,10 +160,10 @@ def _hypotheses(closures: Innovations, config: ConsistencyConfig) -> Iterator[tu
 def _starts(closures: Innovations, config: ConsistencyConfig) -> Iterator[tuple[IntArray, float]]:
     """Sets to begin with: grown ones, and what holds of the largest clique."""
     group = group_closures(closures.first, closures.last, config.stretch)
-    for scale in _scales(config):
+    for scale in scales_of(config):
         clique = _largest_clique(closures, group, scale, config)
-        founders = clique[np.sort(np.unique(group[clique], return_index=True)[1])]
-        kept = founders[without_losers(closures[founders], group[founders], scale)]
+        first = clique[np.sort(np.unique(group[clique], return_index=True)[1])]
+        kept = first[without_losers(closures[first], group[first], scale)]
         if kept.size:
             yield kept, scale
         for _, members in sorted(grown_sets(closures, group, scale), key=lambda grown: -grown[0])[:_N_GROWN]:
@@ -174,13 +178,6 @@ def _largest_clique(closures: Innovations, group: IntArray, scale: float, config
     return np.flatnonzero(CliqueSearch(is_consistent, group, config.repeat_vote, config.max_steps).run())
 
 
-def _scales(config: ConsistencyConfig) -> list[float]:
-    """Factors by which odometry may be worse than its model, from one."""
-    n_steps = int(np.floor(np.log(config.max_odometry_scale) / np.log(_SCALE_STEP) + 1e-9))
-    return [float(_SCALE_STEP**step) for step in range(n_steps + 1)]
-
-
 def _vote_evidence(members: Innovations, scale: float, config: ConsistencyConfig) -> float:
     """Evidence of a set in which each group has one vote, that of its first member."""
-    founders = np.unique(group_closures(members.first, members.last, config.stretch), return_index=True)[1]
-    return log_evidence(members[np.sort(founders)], scale)
+    return log_evidence(members[founders(members, config)], scale)

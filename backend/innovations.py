@@ -41,6 +41,8 @@ class Innovations:
         Standard deviation of dead reckoning between the two ends, along its worst horizontal direction [m].
     chance : ndarray, shape (C,)
         Expected number of false closures as good as each [1].
+    ahead : ndarray, shape (C, 2)
+        Where the earlier anchor heads: east and north of a unit vector.
     """
 
     yaw: FloatArray
@@ -52,12 +54,13 @@ class Innovations:
     explained: FloatArray
     reach: FloatArray
     chance: FloatArray
+    ahead: FloatArray
 
     def __len__(self) -> int:
         return len(self.yaw)
 
     def __getitem__(self, chosen: IntArray | BoolArray | slice) -> "Innovations":
-        each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance")
+        each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance", "ahead")
         return replace(self, **{name: getattr(self, name)[chosen] for name in each})
 
     @property
@@ -155,7 +158,8 @@ def innovations(
     noise, explained = _world_covariances(T, closures), walked[last] - walked[first]
     reach = _reach(drift[last] - drift[first], T[last, :2, 3])
     expected = np.broadcast_to(np.asarray(chance, dtype=np.float64), (len(closures),))
-    return Innovations(yaw, shift, noise, first, last, drift, explained, reach, expected)
+    ahead = T[first, :2, 0] / np.linalg.norm(T[first, :2, 0], axis=1, keepdims=True)
+    return Innovations(yaw, shift, noise, first, last, drift, explained, reach, expected, ahead)
 
 
 def _cumulated(steps: FloatArray) -> FloatArray:

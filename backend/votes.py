@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from backend.arrays import IntArray
 from backend.innovations import Innovations
 
+_SCALE_STEP = np.sqrt(2.0)  # from one scale of the odometry to the next; finer than any few closures can tell
+
 
 class ConsistencyConfig(BaseModel):
     """Which sets of loop closures are believed."""
@@ -49,6 +51,17 @@ class ConsistencyConfig(BaseModel):
         gt=0,
         description="Standard deviation of dead reckoning [m] up to which one is believed alone; beyond, a like "
         "structure may lie inside the gate.",
+    )
+    max_set_chance: float = Field(
+        default=0.1,
+        gt=0,
+        description="Expected sets of independent false closures [1] that agree as well as the one believed: of many "
+        "closures some few agree by chance.",
+    )
+    alias_odds: float = Field(
+        default=0.1,
+        gt=0,
+        description="How likely closures that are all wrong by one offset are, beside closures that are all true [1].",
     )
     max_odometry_scale: float = Field(
         default=4.0,
@@ -110,4 +123,39 @@ def count_votes(members: Innovations, config: ConsistencyConfig) -> int:
     n_votes : int
         Number of groups.
     """
-    return len(np.unique(group_closures(members.first, members.last, config.stretch)))
+    return len(founders(members, config))
+
+
+def founders(members: Innovations, config: ConsistencyConfig) -> IntArray:
+    """Pick one closure of each group.
+
+    Parameters
+    ----------
+    members : Innovations
+        Some closures.
+    config : ConsistencyConfig
+        Which of them share a vote.
+
+    Returns
+    -------
+    founders : ndarray of int, shape (V,)
+        Positions of the first of each group, ascending.
+    """
+    return np.sort(np.unique(group_closures(members.first, members.last, config.stretch), return_index=True)[1])
+
+
+def scales_of(config: ConsistencyConfig) -> list[float]:
+    """List the factors by which odometry may be worse than its model.
+
+    Parameters
+    ----------
+    config : ConsistencyConfig
+        The largest of them.
+
+    Returns
+    -------
+    scales : list of float
+        From one.
+    """
+    n_steps = int(np.floor(np.log(config.max_odometry_scale) / np.log(_SCALE_STEP) + 1e-9))
+    return [float(_SCALE_STEP**step) for step in range(n_steps + 1)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from scenes import SIGMAS, Survey
+from scenes import Survey
 from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
@@ -40,7 +40,8 @@ def make_graph(survey: Survey, closures: list[RelativePose], config: PoseGraphCo
     for anchor in range(graph.n_anchors):
         graph.add_depth_and_tilt(anchor, 0.1, 0.005)
     for closure in closures:
-        graph.add_closure(closure.target, closure.source, closure.T_target_source, SIGMAS)
+        sigmas = np.sqrt(np.diag(closure.covariance))
+        graph.add_closure(closure.target, closure.source, closure.T_target_source, sigmas)
     return graph
 
 

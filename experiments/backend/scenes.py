@@ -64,10 +64,14 @@ def make_survey(
     seed: int, drift_factor: float, shape: tuple[int, float, float, int] = (6, 200.0, 30.0, 2), step: float = 30.0
 ) -> Survey:
     """A survey of (legs, leg length, spacing, ties); its drift is a factor worse than its model."""
-    time, T_true = lawn_mower(*shape, step)
+    return drifted_survey(*lawn_mower(*shape, step), drift_factor, np.random.default_rng(seed))
+
+
+def drifted_survey(time: FloatArray, T_true: FloatArray, drift_factor: float, rng: np.random.Generator) -> Survey:
+    """A survey along true poses; its drift is a factor worse than its model."""
     names = ("heading_walk", "heading_deviation_sd", "velocity_scale_sd", "velocity_misalignment_sd", "velocity_noise")
     worse = MODEL.model_copy(update={name: drift_factor * getattr(MODEL, name) for name in names})
-    T_dr = drifted(time, T_true, worse, np.random.default_rng(seed))
+    T_dr = drifted(time, T_true, worse, rng)
     reckoning = DeadReckoning(time, T_dr, MODEL)
     steps = range(len(time) - 1)
     odometry = [
@@ -87,7 +91,31 @@ def lawn_mower(n_legs: int, leg: float, spacing: float, n_ties: int, step: float
     for start, end in pairwise(corners):
         n = max(round(float(np.hypot(end[0] - start[0], end[1] - start[1])) / step), 1)
         points += [np.add(start, np.subtract(end, start) * (k + 1) / n) for k in range(n)]
-    xy = np.array(points, dtype=np.float64)
+    return along(np.array(points, dtype=np.float64))
+
+
+def repeated_line(n_passes: int, leg: float, step: float) -> tuple[FloatArray, FloatArray]:
+    """One line flown in the same direction again and again, the way back 60 m beside it."""
+    n, back, points = round(leg / step), 60.0, list[FloatArray]()
+    x, turn = np.linspace(0.0, leg, n + 1), np.pi * np.arange(1, 4) / 4.0
+    for _ in range(n_passes):
+        points += [np.stack([x, np.zeros(n + 1)], axis=1)]
+        points += [np.stack([leg + 0.5 * back * np.sin(turn), 0.5 * back * (1.0 - np.cos(turn))], axis=1)]
+        points += [np.stack([x[::-1], np.full(n + 1, back)], axis=1)]
+        points += [np.stack([-0.5 * back * np.sin(turn), 0.5 * back * (1.0 + np.cos(turn))], axis=1)]
+    return along(np.concatenate(points))
+
+
+def figure_of_eight(n_rounds: int, radius: float, step: float) -> tuple[FloatArray, FloatArray]:
+    """Two circles that touch, flown in turns."""
+    n = round(2.0 * np.pi * radius / step)
+    turn = 2.0 * np.pi * np.arange(n) / n
+    left = radius * np.stack([np.sin(turn), 1.0 - np.cos(turn)], axis=1)
+    return along(np.tile(np.concatenate([left, left * [1.0, -1.0]]), (n_rounds, 1)))
+
+
+def along(xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times and poses of a vehicle that goes through points, heading where it goes."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
     course = np.unwrap(np.arctan2(*np.gradient(xy, axis=0).T[::-1]))
     return distance / SPEED, _poses(np.pad(xy, ((0, 0), (0, 1)), constant_values=-20.0), course, np.zeros((len(xy), 2)))
@@ -137,6 +165,27 @@ def scattered(survey: Survey, n: int, group: int, rng: np.random.Generator) -> l
     return false
 
 
+def ahead(survey: Survey, n: int, group: int, rng: np.random.Generator) -> list[RelativePose]:
+    """False closures in groups, from all over, wrong by one way ahead, as traces of the sonar itself make them.
+
+    Such traces lie at the same place of the sonar's frame wherever it is, so windows agree best where they do not truly
+    lie: each as far ahead or behind where the vehicle passes again.
+    """
+    near, false = _passed_again(survey), []
+    while near and len(false) < n:
+        pairs = [near[k] for k in np.sort(rng.choice(len(near), min(group, n - len(false), len(near)), replace=False))]
+        way = rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 15.0)
+        false += [survey.closure(pair, np.append(way * survey.T_true[pair[0]][:2, 0], 0.0), rng) for pair in pairs]
+    return false
+
+
+def _passed_again(survey: Survey) -> list[tuple[int, int]]:
+    """Pairs of anchors near each other that head the same way or back."""
+    heading = survey.T_true[:, :2, 0]
+    near = survey.revisits(41.0, 5)
+    return [(t, s) for t, s in near if abs(heading[t] @ heading[s]) > 0.9]
+
+
 def _repeated_offset(rng: np.random.Generator) -> FloatArray:
     """What a group is wrong by: at least 4 m, or nothing would be wrong with it."""
     offset = rng.uniform(-1.0, 1.0, 3) * REPEATED_OFFSET
@@ -156,4 +205,5 @@ KINDS = {
     "independent": independent,
     "neighbouring": neighbouring,
     "scattered": scattered,
+    "ahead": ahead,
 }

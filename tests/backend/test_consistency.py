@@ -91,7 +91,9 @@ def test_sure_closures_that_contradict_each_other_are_not_believed():
         drift = np.arange(5)[:, None, None] * np.diag([1e-6, 1.0, 1.0])
         shift, noise = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.tile(np.diag([1e-6, 0.01, 0.01]), (2, 1, 1))
         ends = (np.array([0, 0]), np.array([4, 4]))
-        return Innovations(np.zeros(2), shift, noise, *ends, drift, np.zeros((2, 3)), np.full(2, 2.0), np.array(chance))
+        return Innovations(
+            np.zeros(2), shift, noise, *ends, drift, np.zeros((2, 3)), np.full(2, 2.0), np.array(chance), np.eye(2)
+        )
 
     assert not consistent_closures(two([1e-9, 1e-9])).is_member.any()
     assert consistent_closures(two([1e-9, 1.0])).is_member.tolist() == [True, False]
@@ -122,6 +124,7 @@ def test_places_that_agree_on_more_drift_than_any_scale_allows_are_not_believed(
             np.zeros((2, 3)),
             np.zeros(2),
             np.ones(2),
+            np.eye(2),
         )
         assert consistent_closures(compared).is_member.all() == is_believed
 

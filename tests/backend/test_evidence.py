@@ -14,7 +14,7 @@ def along_a_track(residuals, first, last, noise=0.01, step=1.0):
     drift = np.arange(n_anchors)[:, None, None] * np.diag([1e-6, step, step])
     shift = np.asarray(residuals, dtype=np.float64).reshape(n, 2)
     each = np.tile(np.diag([1e-6, noise, noise]), (n, 1, 1))
-    bare = (np.zeros((n, 3)), np.zeros(n), np.ones(n))
+    bare = (np.zeros((n, 3)), np.zeros(n), np.ones(n), np.tile([1.0, 0.0], (n, 1)))
     return Innovations(np.zeros(n), shift, each, np.asarray(first), np.asarray(last), drift, *bare)
 
 
