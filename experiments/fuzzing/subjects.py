@@ -17,7 +17,16 @@ from sssslam.readers.netcdf import write_netcdf
 from tests.sssslam.readers.conftest import XtfScene
 from tests.sssslam.readers.damage import check_sound, survivor
 from tests.sssslam.readers.humminbird_files import HumminbirdScene
-from tests.sssslam.readers.jsf_files import START, JsfScene, attitude, nmea
+from tests.sssslam.readers.jsf_files import (
+    START,
+    JsfScene,
+    attitude,
+    doppler,
+    nmea,
+    pressure,
+    situation,
+    situation_2,
+)
 from tests.sssslam.readers.lowrance_files import LowranceScene
 from tests.sssslam.readers.starfish_files import StarfishScene
 from tests.sssslam.readers.test_tables import as_csv, as_npz
@@ -73,8 +82,10 @@ def _container() -> bytes:
 
 
 def _jsf() -> bytes:
-    """Two subsystems, attitude and NMEA messages."""
-    return attitude(START, 1, 1) + nmea(START, GGA) + JsfScene(n_pings=8, n_samples=30, subsystems=(20, 21)).to_bytes()
+    """Two subsystems; attitude, NMEA and messages of every sensor."""
+    north, flat = (45.0, 5.0), attitude(START, 1, 1) + nmea(START, GGA)
+    said = situation(START, north, 10.0) + situation_2(START, north) + doppler(START, (0, 1500)) + pressure(START, 9)
+    return flat + said + JsfScene(n_pings=8, n_samples=30, subsystems=(20, 21)).to_bytes()
 
 
 def _humminbird() -> list[Files]:

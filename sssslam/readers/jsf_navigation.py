@@ -1,7 +1,8 @@
-"""JSF navigation: ping headers, attitude messages (type 2020) and NMEA strings (type 2002)."""
+"""JSF navigation: ping headers, attitude (type 2020), NMEA strings (2002), and sensors where pings hold nothing."""
 
 import mmap
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from operator import xor
@@ -11,6 +12,7 @@ import numpy as np
 from frontend.arrays import AnyArray, BoolArray, FloatArray
 from sssslam.readers.jsf_messages import NMEA, PITCH_ROLL, Messages
 from sssslam.readers.jsf_pings import SonarData
+from sssslam.readers.jsf_sensors import Series, at_pings, is_set, read_sensors, times
 from sssslam.readers.layout import as_float64, gather, layout
 from sssslam.readers.xtf_navigation import RawNavigation
 
@@ -34,10 +36,11 @@ _KNOT = 1852 / 3600
 # Coordinate units: metres of one step of a grid; 2 is ten-thousandths of a minute of arc.
 _GRID_UNITS = {1: 1e-3, 3: 0.1, 4: 0.01}
 _ARC, _PER_DEGREE = 2, 600_000.0
-# An attitude this far in time from a ping is not that of the ping [s].
-_MAX_GAP = 1.0
 _SOUND_SPEED_BOUNDS = (1350.0, 1650.0)
 _MAX_NMEA = 200
+# A sensor's positions are taken if they cover more than this share of the pings.
+_COVERED = 0.9
+_FILLED = ("roll", "pitch", "heading", "altitude", "depth", "speed")
 _POSITION_SENTENCE = re.compile(
     rb"\$(..(?:GGA,[^,]*|RMC,[^,]*,A|GLL),(\d+\.?\d*),([NS]),(\d+\.?\d*),([EW]),[^*]*)\*([0-9A-Fa-f]{2})"
 )
@@ -70,8 +73,11 @@ def read_navigation(data: mmap.mmap, messages: Messages, pings: SonarData) -> tu
         if np.isfinite(longitude).any():
             navigation, is_geographic = replace(navigation, east=longitude, north=latitude), True
             notes.append("no ping holds a position: those of the NMEA strings are taken")
-    attitude, more = _with_attitude(data, messages.of(PITCH_ROLL, ATTITUDE.itemsize), pings.stamp, navigation)
-    return attitude, is_geographic, notes + more
+    navigation, more = _with_attitude(data, messages.of(PITCH_ROLL, ATTITUDE.itemsize), pings.stamp, navigation)
+    sensors = read_sensors(data, messages, pings.stamp)
+    navigation, is_placed, placed = _with_place(navigation, sensors)
+    navigation, filled = _filled(navigation, sensors)
+    return navigation, is_geographic or is_placed, [*notes, *more, *placed, *filled]
 
 
 def sound_speeds(header: AnyArray) -> tuple[FloatArray, list[str]]:
@@ -104,26 +110,22 @@ def _from_headers(header: AnyArray) -> tuple[RawNavigation, bool, list[str]]:
         # Old files have no flags: a number that is not zero was recorded.
         notes.append("no field of any ping is flagged as valid: those that are not zero are taken")
         flags = np.full(len(header), 0xFFFF, dtype=np.uint16)
-    east, north, is_geographic = _positions(header, _is_set(flags, _POSITION))
+    east, north, is_geographic = _positions(header, is_set(flags, _POSITION))
     # The speed in knots has tenths, and hundredths among the extending bits.
     speed = (header["Speed"] / 10 + (header["LeastSignificantBits2"] & 0xF) / 100) * _KNOT
     heading = np.where(header["Heading"] <= 36000, header["Heading"] / 100, np.nan)
-    pitch_roll = _is_set(flags, _ATTITUDE)
+    pitch_roll = is_set(flags, _ATTITUDE)
     navigation = RawNavigation(
         east=east,
         north=north,
         roll=_valid(header["Roll"] * _HALF_TURN, pitch_roll),
         pitch=_valid(header["Pitch"] * _HALF_TURN, pitch_roll),
-        heading=_valid(np.radians(heading), _is_set(flags, _HEADING)),
-        altitude=_valid(header["Altitude"] / 1e3, _is_set(flags, _ALTITUDE) & (header["Altitude"] > 0)),
-        depth=_valid(header["Depth"] / 1e3, _is_set(flags, _DEPTH)),
-        speed=_valid(speed, _is_set(flags, _SPEED)),
+        heading=_valid(np.radians(heading), is_set(flags, _HEADING)),
+        altitude=_valid(header["Altitude"] / 1e3, is_set(flags, _ALTITUDE) & (header["Altitude"] > 0)),
+        depth=_valid(header["Depth"] / 1e3, is_set(flags, _DEPTH)),
+        speed=_valid(speed, is_set(flags, _SPEED)),
     )
     return navigation, is_geographic, notes
-
-
-def _is_set(flags: AnyArray, bit: int) -> BoolArray:
-    return np.asarray((flags >> bit) & 1 == 1)
 
 
 def _valid(values: FloatArray, is_valid: BoolArray) -> FloatArray:
@@ -152,42 +154,48 @@ def _with_attitude(
 ) -> tuple[RawNavigation, list[str]]:
     """The navigation with pitch and roll of attitude messages, and their heading where pings have none."""
     attitude = gather(data, messages.offset, ATTITUDE)
-    time, flags = _times(attitude), attitude["Validity"]
+    time, flags = times(attitude), attitude["Validity"]
     found = {}
     for name, bit, unit in (("Pitch", _PITCH_BIT, _HALF_TURN), ("Roll", _ROLL_BIT, _HALF_TURN)):
-        found[name.lower()] = _at(stamp, time, np.where(_is_set(flags, bit), attitude[name] * unit, np.nan))
+        found[name.lower()] = at_pings(
+            stamp, time, np.where(is_set(flags, bit), attitude[name] * unit, np.nan), 2 * np.pi
+        )
     if not np.isfinite(navigation.heading).any():
-        heading = np.where(_is_set(flags, _HEADING_BIT), np.radians(attitude["Heading"] / 100), np.nan)
-        found["heading"] = _at(stamp, time, heading)
+        heading = np.where(is_set(flags, _HEADING_BIT), np.radians(attitude["Heading"] / 100), np.nan)
+        found["heading"] = at_pings(stamp, time, heading, 2 * np.pi)
     used = {name: values for name, values in found.items() if np.isfinite(values).any()}
     merged = {name: np.where(np.isfinite(values), values, getattr(navigation, name)) for name, values in used.items()}
     note = f"{' and '.join(used)} are interpolated from {len(time)} attitude messages"
     return replace(navigation, **merged), [note] if used else []
 
 
-def _times(messages: AnyArray) -> FloatArray:
-    """Times of messages that are not pings; NaN where they make no sense."""
-    is_sound = (messages["Time"] > 0) & (messages["Milliseconds"] >= 0) & (messages["Milliseconds"] < 1000)
-    return np.where(is_sound, messages["Time"] + messages["Milliseconds"] / 1e3, np.nan)
+def _with_place(navigation: RawNavigation, sensors: Mapping[str, Series]) -> tuple[RawNavigation, bool, list[str]]:
+    """Positions of a sensor that covers the dive, which are finer than the 0.2 m of ping headers and come oftener."""
+    for name, said in sensors.items():
+        if {"east", "north"} <= said.keys():
+            is_known = np.isfinite(said["east"]) & np.isfinite(said["north"])
+            if is_known.mean() > _COVERED or not np.isfinite(navigation.east).any():
+                place = {axis: np.where(is_known, said[axis], np.nan) for axis in ("east", "north")}
+                return replace(navigation, **place), True, [f"position is interpolated from {name}"]
+    return navigation, False, []
 
 
-def _at(stamp: FloatArray, time: FloatArray, angle: FloatArray) -> FloatArray:
-    """An angle interpolated to other times; NaN far from where it was measured."""
-    known = np.flatnonzero(np.isfinite(time) & np.isfinite(angle))
-    if not known.size:
-        return np.full(len(stamp), np.nan)
-    at, first = np.unique(time[known], return_index=True)
-    values = np.interp(stamp, at, np.unwrap(angle[known][first]))
-    after = np.clip(np.searchsorted(at, stamp), 0, len(at) - 1)
-    gap = np.minimum(np.abs(at[after] - stamp), np.abs(at[np.maximum(after - 1, 0)] - stamp))
-    return np.where(gap <= _MAX_GAP, values, np.nan)
+def _filled(navigation: RawNavigation, sensors: Mapping[str, Series]) -> tuple[RawNavigation, list[str]]:
+    """What no ping holds, from the first sensor that knows it."""
+    notes = []
+    for name, said in sensors.items():
+        lacking = [q for q in _FILLED if q in said and not np.isfinite(getattr(navigation, q)).any()]
+        if lacking:
+            navigation = replace(navigation, **{quantity: said[quantity] for quantity in lacking})
+            notes.append(f"{', '.join(lacking)}: no ping holds any, interpolated from {name}")
+    return navigation, notes
 
 
 def _nmea_positions(data: mmap.mmap, messages: Messages, stamp: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Longitude and latitude [deg] of the last position string before each ping; NaN before the first."""
-    times = _times(gather(data, messages.offset, _NMEA_START))
+    when = times(gather(data, messages.offset, _NMEA_START))
     rows = []
-    for offset, size, time in zip(messages.offset.tolist(), messages.header["size"].tolist(), times, strict=True):
+    for offset, size, time in zip(messages.offset.tolist(), messages.header["size"].tolist(), when, strict=True):
         text = data[offset + _NMEA_START.itemsize : offset + min(int(size), _MAX_NMEA)]
         match = _POSITION_SENTENCE.match(text)
         if match and np.isfinite(time) and reduce(xor, match[1]) == int(match[6], 16):

@@ -137,6 +137,42 @@ def attitude(time: float, pitch: float, roll: float, heading: float = 0.0, flags
     return message(2020, bytes(payload))
 
 
+def sensor(kind: int, time: float, size: int, flags: int, fields: dict[int, tuple[str, Any]], at: int = 12) -> bytes:
+    """A message of a sensor: its flags, and numbers by their offsets."""
+    payload = bytearray(size)
+    struct.pack_into("<ii", payload, 0, int(time), round(1000 * (time % 1)))
+    struct.pack_into("<I", payload, at, flags)
+    for offset, (code, value) in fields.items():
+        struct.pack_into(f"<{code}", payload, offset, value)
+    return message(kind, bytes(payload))
+
+
+def situation(time: float, place: tuple[float, float], heading: float, flags: int = 0x47E) -> bytes:
+    """A situation message, 2090: pitched by 2 degrees, rolled by 1, 30 m deep, 1.5 m/s ahead."""
+    numbers = {28: place[0], 36: place[1], 44: 30.0, 52: heading, 60: 2.0, 68: 1.0, 100: 1.5, 108: 0.7}
+    return sensor(2090, time, 276, flags, {offset: ("d", value) for offset, value in numbers.items()})
+
+
+def situation_2(
+    time: float, place: tuple[float, float], kind: int = 1, velocity: Sequence[float] = (1.5, 0.7)
+) -> bytes:
+    """A situation message, 2091: as 2090, and 9 m above the floor."""
+    numbers = {44: 30.0, 48: 9.0, 56: velocity[0], 60: velocity[1], 68: 2.0, 72: 1.0, 76: 10.0}
+    doubles = {28: ("d", place[0]), 36: ("d", place[1]), 16: ("B", kind)}
+    return sensor(2091, time, 100, 0x75E, doubles | {offset: ("f", value) for offset, value in numbers.items()})
+
+
+def doppler(time: float, velocity: Sequence[int], flags: int = 0b101_1110_0011) -> bytes:
+    """A message of a Doppler log: 8 m above the floor by two of four beams, 31 m deep."""
+    words = {16: ("i", 790), 24: ("i", 810), 32: ("h", velocity[0]), 34: ("h", velocity[1]), 44: ("H", 310)}
+    return sensor(2080, time, 72, flags, words | {46: ("h", 300), 48: ("h", -100), 50: ("H", 35900)})
+
+
+def pressure(time: float, depth: int, flags: int = 1 << 5) -> bytes:
+    """A message of a pressure sensor."""
+    return sensor(2060, time, 76, flags, {36: ("i", depth)}, at=24)
+
+
 def nmea(time: float, sentence: str) -> bytes:
     """An NMEA message; the checksum is put behind the sentence."""
     text = f"${sentence}*{reduce(xor, sentence.encode()):02X}\r\n".encode()

@@ -10,7 +10,17 @@ from hypothesis import strategies as st
 from frontend.recording import Quantity
 from sssslam.readers import read
 from tests.sssslam.readers.damage import check_survival, damaged
-from tests.sssslam.readers.jsf_files import START, JsfScene, attitude, message, nmea
+from tests.sssslam.readers.jsf_files import (
+    START,
+    JsfScene,
+    attitude,
+    doppler,
+    message,
+    nmea,
+    pressure,
+    situation,
+    situation_2,
+)
 
 
 def test_a_dive_reads_as_it_was_made(write):
@@ -209,6 +219,88 @@ def test_void_nmea_positions_are_not_taken(write):
         read(write(void + broken + JsfScene(ping={"x": 0, "y": 0}).to_bytes()))
 
 
+NO_NAVIGATION = {"validity": 1 << 14, "x": 0, "y": 0}
+SPAN = START + 0.5 * np.arange(-1, 12)
+
+
+def _north(time: float) -> tuple[float, float]:
+    """Latitude and longitude 2 m/s north of a start."""
+    return 45.0 + float(np.degrees(2.0 * (time - START) / 6367381.8)), 5.0
+
+
+def test_a_situation_message_gives_all_that_pings_lack(write):
+    said = b"".join(situation(t, _north(t), 359.0 if k % 2 else 1.0) for k, t in enumerate(SPAN.tolist()))
+    recording = read(write(said + JsfScene(ping=NO_NAVIGATION).to_bytes()))
+    track = recording.trajectory_dr
+    # Fixes as doubles of degrees, twice a second on a straight course: the meridian's millimetres over 8 m.
+    np.testing.assert_allclose(track.y, 0.2 * np.arange(40), atol=5e-3)
+    np.testing.assert_allclose(np.degrees(track.roll), 1.0)
+    np.testing.assert_allclose(np.degrees(track.pitch), -2.0)
+    # Headings swing by a degree about north, the short way round.
+    assert np.abs(np.degrees(track.yaw) - 90).max() <= 1 + 1e-9
+    np.testing.assert_allclose(recording.depth, 30.0)
+    np.testing.assert_allclose(recording.speed, 1.5)
+    assert "position is interpolated from situation messages (2090)" in recording.notes
+    assert any(note.startswith("roll, pitch, heading, depth, speed: no ping holds any") for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "velocity", "speed"),
+    [(0, (3.0, 4.0), 5.0), (1, (1.5, 0.7), 1.5), (2, (np.sqrt(2.0), 0.0), 1.0), (2, (0.0, -np.sqrt(2.0)), 1.0)],
+)
+def test_the_second_situation_message_is_better_than_the_first(write, kind, velocity, speed):
+    first = b"".join(situation(t, (50.0, 6.0), 20.0) for t in SPAN.tolist())
+    second = b"".join(situation_2(t, _north(t), kind, velocity) for t in SPAN.tolist())
+    recording = read(write(first + second + JsfScene(ping=NO_NAVIGATION).to_bytes()))
+    assert recording.georeference.latitude == pytest.approx(45.0, abs=1e-4)
+    np.testing.assert_allclose(np.degrees(recording.trajectory_dr.yaw), 80.0, atol=1e-5)
+    np.testing.assert_allclose(recording.altitude, 9.0)
+    # A velocity is a float32.
+    np.testing.assert_allclose(recording.speed, speed, rtol=1e-6)
+
+
+def test_positions_of_a_situation_message_are_finer_than_those_of_pings(write):
+    dive = JsfScene(ping={"x": 3_000_000, "y": 27_000_000})
+    said = [situation(t, _north(t), 15.0) for t in SPAN.tolist()]
+    recording = read(write(b"".join(said) + dive.to_bytes()))
+    np.testing.assert_allclose(recording.trajectory_dr.y, 0.2 * np.arange(40), atol=5e-3)
+    # What pings hold stays, and a few fixes at the start are no track.
+    np.testing.assert_allclose(recording.depth, 5.0)
+    assert read(write(b"".join(said[:3]) + dive.to_bytes())).trajectory_dr.distance[-1] == 0
+
+
+@pytest.mark.parametrize(
+    ("velocity", "flags", "speed"),
+    [
+        ((300, 1400), 0b101_1110_0011, 1.4),
+        ((300, 400), 0b101_1110_0001, 0.5),
+        ((300, -32768), 0b101_1110_0011, np.nan),
+        ((300, 400), 0b101_1110_0010, np.nan),
+        ((300, 400), 1 << 31 | 0b101_1110_0011, np.nan),
+    ],
+)
+def test_a_doppler_log_gives_speed_ahead_altitude_and_depth(write, velocity, flags, speed):
+    said = b"".join(doppler(t, velocity, flags) for t in SPAN.tolist())
+    ping = {"validity": 1 | 1 << 14}
+    recording = read(write(said + JsfScene(ping=ping).to_bytes()))
+    np.testing.assert_allclose(recording.speed, speed)
+    is_sound = not flags >> 31
+    np.testing.assert_allclose(recording.altitude, 8.0 if is_sound else np.nan)
+    np.testing.assert_allclose(recording.depth, 31.0 if is_sound else np.nan)
+    np.testing.assert_allclose(np.degrees(recording.trajectory_dr.yaw), 91.0)
+    np.testing.assert_allclose(np.degrees(recording.trajectory_dr.pitch), -3.0)
+    np.testing.assert_allclose(np.degrees(recording.trajectory_dr.roll), -1.0)
+
+
+def test_a_pressure_sensor_gives_depth_where_nothing_better_does(write):
+    said = b"".join(pressure(t, 12) for t in SPAN.tolist())
+    lacking = JsfScene(ping={"validity": 1 | 1 << 14})
+    np.testing.assert_allclose(read(write(said + lacking.to_bytes())).depth, 12.0)
+    np.testing.assert_allclose(read(write(said + JsfScene().to_bytes())).depth, 5.0)
+    unsaid = b"".join(pressure(t, 12, 0) for t in SPAN.tolist())
+    assert np.isnan(read(write(unsaid + lacking.to_bytes())).depth).all()
+
+
 @pytest.mark.parametrize("size", [-1, 0, 3, 600, 2**31 - 1])
 def test_a_size_that_lies_costs_its_own_ping_only(write, size):
     dive = JsfScene()
@@ -251,5 +343,11 @@ def test_files_of_one_dive_share_the_frame_and_units_do_not_mix(write):
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_damage_makes_anything_but_a_recording_or_one_line(write, seed):
-    content = attitude(START, 1, 1) + JsfScene(n_pings=6, n_samples=30, subsystems=(20, 21)).to_bytes()
+    sensors = situation(START, (45.0, 5.0), 10.0) + situation_2(START, (45.0, 5.0)) + doppler(START, (0, 1500))
+    content = (
+        attitude(START, 1, 1)
+        + sensors
+        + pressure(START, 9)
+        + JsfScene(n_pings=6, n_samples=30, subsystems=(20, 21)).to_bytes()
+    )
     check_survival(write(damaged(content, np.random.default_rng(seed), keep=16)), 60)
