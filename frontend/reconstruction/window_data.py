@@ -12,6 +12,7 @@ from frontend.frames import invert, level, transform
 from frontend.geometry import transducer_positions
 from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Beams, Bins, Raster
+from frontend.reconstruction.specular import specular_end, specular_variance
 from frontend.recording import Recording
 from frontend.windows import Window
 
@@ -225,10 +226,11 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     blanking = 0.6 * data.first_bottom_return
     _multilook(data.intensity, data.sample_spacing, blanking, group, width, sums, counts)
     mean = np.divide(sums, counts, out=np.ones_like(sums), where=counts > 0)
-    effective = np.where(
-        counts > 0, 1.0 / (1.0 / np.maximum(counts * model.radiometry.looks, 1e-9) + 1.0 / model.looks_most), 0.0
-    )
     blur = model.blur * _level_beyond(mean, counts)
+    variance = 1.0 / np.maximum(counts * model.radiometry.looks, 1e-9) + 1.0 / model.looks_most
+    end = specular_end(data.intensity, data.sample_spacing, data.first_bottom_return)
+    variance += specular_variance(_profile(mean + blur, counts), end / width)
+    effective = np.where(counts > 0, 1.0 / variance, 0.0)
     noise = model.noise(width * np.arange(0.5, n_bins))
     return _lines(data, group), Bins(mean + blur, effective, noise + blur, width)
 
@@ -247,9 +249,12 @@ def _lines(data: WindowData, group: int) -> Beams:
 
 def _level_beyond(mean: FloatArray, counts: FloatArray) -> FloatArray:
     """Shape (2, B): the largest mean echo at each range or farther."""
-    total = np.maximum(counts.sum(axis=0), 1e-9)
-    profile = (mean * counts).sum(axis=0) / total
-    return np.asarray(np.maximum.accumulate(profile[:, ::-1], axis=1)[:, ::-1])
+    return np.asarray(np.maximum.accumulate(_profile(mean, counts)[:, ::-1], axis=1)[:, ::-1])
+
+
+def _profile(mean: FloatArray, counts: FloatArray) -> FloatArray:
+    """Shape (2, B): the mean echo of all lines."""
+    return np.asarray((mean * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1e-9))
 
 
 @numba.njit(cache=True, nogil=True)
