@@ -17,8 +17,12 @@ from frontend.reconstruction.unknowns import to_cosine
 _ALTITUDES = (1.5, 3.5)  # across-track distances looked at: slopes show there, and shadows are short
 _SHORTEST = 4.0  # cells of the shortest wave looked at; below there is speckle
 _CLIP = 2.5  # robust standard deviations: boulders and their shadows are no part of the smooth floor
-_USUAL: FloatArray = np.log(np.array([3e-3, 0.2, 5.0, 0.05]))  # roughness, reflectivity, length, noise
+_USUAL: FloatArray = np.log(
+    np.array([3e-3, 0.2, 5.0, 1.0])
+)  # roughness, reflectivity, length, noise over `Waves.noise`
 _SPREAD = np.array([2.3, 0.7, 0.7, np.inf])  # of their logarithms from dive to dive
+_STEPS = np.diag([2.0, 0.5, 0.5, 0.5])  # of the first simplex: the usual may be far from a dive's floor
+_N_STARTS = 2  # a simplex may collapse on its way; the next starts where it ended
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Waves:
         Mean squared derivative of the logarithmic echo by the slope across track [1].
     area : float
         Area of a cell [m^2].
+    noise : float
+        Mean power of waves too short for a floor to be told in them: one side may be louder with noise than the other.
     """
 
     power: FloatArray
@@ -42,6 +48,7 @@ class Waves:
     k2: FloatArray
     sensitivity: float
     area: float
+    noise: float
 
 
 def estimate_seafloor(posteriors: Sequence[Posterior], altitudes: Sequence[float], longest: float) -> Seafloor:
@@ -65,15 +72,18 @@ def estimate_seafloor(posteriors: Sequence[Posterior], altitudes: Sequence[float
     -----
     Over a nearly flat floor a logarithmic echo is ``-kappa dz/dy + rho + noise``. Slopes across track have the spectrum
     ``k_y^2 C k^-4``, zero along the track, patches of sediment are the same in every direction, speckle is white: the
-    three are told apart by direction and wavelength. Whittle's likelihood is made large over windows and sides.
+    three are told apart by direction and wavelength. Whittle's likelihood is made large over windows and sides; speckle
+    and noise of each image are so many times the power of its shortest waves, by a factor that all have in common.
     """
     images = [image for p, h in zip(posteriors, altitudes, strict=True) for image in _images(p, h)]
     waves = [_waves(*image) for image in images]
     if not waves:
         return Seafloor()
-    options: Any = {"args": (waves, longest), "options": {"xatol": 0.01, "fatol": 0.01}}
-    best = minimize(_unlikeliness, _USUAL, method="Nelder-Mead", **options)
-    roughness, reflectivity, length, _ = np.exp(best.x)
+    best = _USUAL
+    for _ in range(_N_STARTS):
+        options: Any = {"xatol": 0.01, "fatol": 0.01, "initial_simplex": best + np.vstack([np.zeros(4), _STEPS])}
+        best = minimize(_unlikeliness, best, (waves, longest), method="Nelder-Mead", options=options).x
+    roughness, reflectivity, length, _ = np.exp(best)
     return Seafloor(float(roughness), float(reflectivity), float(length))
 
 
@@ -83,7 +93,7 @@ def _unlikeliness(logarithms: FloatArray, waves: Sequence[Waves], longest: float
     total = 0.5 * (((logarithms - _USUAL) / _SPREAD) ** 2).sum()
     for w in waves:
         density = w.sensitivity * w.k2_y * relief_spectrum(w.k2, roughness, longest)
-        expected = (density + reflectivity_spectrum(w.k2, reflectivity, length)) / w.area + noise
+        expected = (density + reflectivity_spectrum(w.k2, reflectivity, length)) / w.area + noise * w.noise
         total += 0.5 * (np.log(expected) + w.power / expected).sum()
     return float(total)
 
@@ -123,6 +133,7 @@ def _waves(image: FloatArray, spacing: float, sensitivity: float) -> Waves:
     level = np.clip(level, -bound, bound)
     k2_y, k2_x = wavenumbers(Raster(image.shape[0], image.shape[1], spacing, (0.0, 0.0)))
     k2_y, k2 = np.broadcast_to(k2_y, image.shape), k2_y + k2_x
-    told = (k2_x > 0) & (k2 < (2 * np.pi / (_SHORTEST * spacing)) ** 2)
-    power = to_cosine(level) ** 2
-    return Waves(power[told], k2_y[told], k2[told], sensitivity, spacing**2)
+    is_short, power = k2 >= (2 * np.pi / (_SHORTEST * spacing)) ** 2, to_cosine(level) ** 2
+    told = (k2_x > 0) & ~is_short
+    noise = float(power[is_short].mean()) + 1e-9
+    return Waves(power[told], k2_y[told], k2[told], sensitivity, spacing**2, noise)

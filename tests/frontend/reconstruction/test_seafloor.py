@@ -71,6 +71,25 @@ def test_roughness_comes_back_under_another_scattering_exponent(exponent: float)
     assert 0.4 < found.roughness / floor.roughness < 2.5  # as above; taken for Lambert's it would be a quarter or four
 
 
+def noisier(posterior: Posterior, looks: tuple[float, float], rng: np.random.Generator) -> Posterior:
+    """The same echoes, each side multiplied by speckle of so many looks once more."""
+    more = np.stack([rng.gamma(n, 1 / n, posterior.bins.intensity[:, 0].shape) for n in looks], axis=1)
+    return replace(posterior, bins=replace(posterior.bins, intensity=posterior.bins.intensity * more))
+
+
+# one side a hundred times as noisy as the other smoothed the floor to a quarter; and in the second draw a simplex
+# collapsed on its way from the usual floor, so that strong patches were taken for relief
+@pytest.mark.parametrize(
+    ("floor", "looks"), [(Seafloor(3e-3, 0.2, 5.0), (0.3, 30.0)), (Seafloor(3e-4, 0.6, 1.2), (1.0, 1.0))]
+)
+def test_a_floor_comes_back_through_noise(floor: Seafloor, looks: tuple[float, float]) -> None:
+    rng = np.random.default_rng(1)
+    echoes = [noisier(seen(floor, seed), looks, rng) for seed in (1, 1, 2, 3, 4)][1:]
+    found = estimate_seafloor(echoes, [12.0] * 4, LONGEST)
+    assert 0.4 < found.roughness / floor.roughness < 2.5  # as above
+    assert 0.6 < found.reflectivity / floor.reflectivity < 1.6
+
+
 def test_patches_are_not_taken_for_relief() -> None:
     rough, patchy = (
         estimate_seafloor([seen(floor, seed) for seed in (3, 5)], [12.0, 12.0], LONGEST)
