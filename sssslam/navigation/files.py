@@ -6,7 +6,7 @@ import numpy as np
 
 from sssslam.navigation.log import NavigationLog
 from sssslam.navigation.nmea import looks_like_nmea, parse_nmea
-from sssslam.navigation.series import Series
+from sssslam.navigation.series import make_series
 from sssslam.navigation.tables import looks_like_table, parse_table
 from sssslam.products.tum import read_tum
 from sssslam.readers.regular_files import read_head
@@ -81,4 +81,5 @@ def _is_tum(lines: list[str]) -> bool:
 def _read_tum(path: Path) -> NavigationLog:
     track = read_tum(path)
     names = ("x", "y", "z", "roll", "pitch", "yaw")
-    return NavigationLog(path.name, {name: Series(track.time, getattr(track, name)) for name in names})
+    series = {name: make_series(track.time, getattr(track, name)) for name in names}
+    return NavigationLog(path.name, {name: known for name, known in series.items() if known})

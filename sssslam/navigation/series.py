@@ -11,8 +11,8 @@ from frontend.arrays import FloatArray
 _N_INTERVALS_BEYOND = 2.0
 # Beyond this, some 3000 years from 1970, doubles cannot tell a hundredth of a millisecond: no time of a dive [s].
 _MAX_TIME = 1e11
-# No coordinate, angle or speed is larger, in any unit; and times this near to zero are zero [s]: slopes stay finite.
-_MAX_VALUE, _MIN_TIME = 1e9, 1e-9
+# No coordinate, angle or speed is larger, in any unit; and what is this near to zero is zero: slopes stay finite.
+_MAX_VALUE, _NOTHING = 1e9, 1e-12
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def make_series(time: FloatArray, values: FloatArray) -> Series | None:
     known = np.flatnonzero((np.abs(time) < _MAX_TIME) & (np.abs(values) < _MAX_VALUE))
     if not known.size:
         return None
-    time = np.where(np.abs(time) < _MIN_TIME, 0.0, time)
+    time, values = (np.where(np.abs(numbers) < _NOTHING, 0.0, numbers) for numbers in (time, values))
     at, first = np.unique(time[known], return_index=True)
     return Series(at, values[known][first])
 

@@ -160,7 +160,7 @@ def far_end_first(
         Height above the seafloor [m]; NaN where unknown.
     spacing : ndarray, shape (N,)
         Slant range between samples [m].
-    other : ndarray of float32, shape (N, M), or None
+    other : ndarray of float32, shape (N, K), or None
         The lines of the other side, near end first.
 
     Returns
@@ -206,7 +206,9 @@ def _mean(lines: Float32Array, part: BoolArray) -> FloatArray:
 
 
 def _likeness(lines: Float32Array, others: Float32Array) -> float:
-    """Correlation of two median lines; -1 where one is flat."""
+    """Correlation of two median lines as far as both go; -1 where one is flat."""
+    width = min(lines.shape[1], others.shape[1])
+    lines, others = lines[:, :width], others[:, :width]
     columns = np.isfinite(lines).any(axis=0) & np.isfinite(others).any(axis=0)
     a, b = (np.nanmedian(np.abs(side[:, columns]), axis=0) for side in (lines, others))
     if columns.sum() < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:

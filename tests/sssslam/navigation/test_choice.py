@@ -51,5 +51,5 @@ def test_an_offset_without_a_file_is_refused(dive):
 
 
 def test_a_file_that_is_not_there_is_refused(dive):
-    with pytest.raises(ValueError, match=r"nowhere.csv: cannot be read"):
+    with pytest.raises(ValueError, match=r"nowhere.csv: there is no such file"):
         navigate(dive(), NavigationChoice(Path("nowhere.csv")))

@@ -53,5 +53,10 @@ def test_numbers_that_nothing_in_the_sea_has_are_unknown_and_slopes_stay_finite(
     assert make_series(np.array([1e17]), np.array([1.0])) is None
     series = make_series(np.array([0.0, 1e-320, 1.0, 2.0]), np.array([0.0, 5.0, 1.0, 2e9]))
     np.testing.assert_array_equal(series.time, [0.0, 1.0])
+    for tiny in (1e-320, -1e-200):
+        series = make_series(np.arange(4.0), np.array([tiny, 0.0, 1.0, 2.0]))
+        with np.errstate(all="raise"):
+            assert interpolate_position(series, np.array([0.5]))[0] == 0
+    series = make_series(np.array([0.0, 1e-320, 1.0, 2.0]), np.array([0.0, 5.0, 1.0, 2e9]))
     with np.errstate(all="raise"):
         np.testing.assert_array_equal(interpolate_position(series, np.array([0.5])), [0.5])

@@ -88,6 +88,20 @@ def test_sides_are_matched_by_time(write):
     assert said in recording.notes
 
 
+def test_sides_of_different_length_are_compared_as_far_as_both_go(write):
+    dive = LowranceScene(channels=(3, 4), frame={"depth": np.nan})
+    longer = LowranceScene(channels=(3, 4), frame={"depth": np.nan}, n_samples=150, slant_range=75.0)
+    content = bytearray(dive.to_bytes()[:8])
+    for k in range(dive.n_pings):
+        content += dive.one_frame(k, 3, len(content))
+        content += longer.one_frame(k, 4, len(content))
+    recording = read(write(bytes(content)))
+    assert (recording.n_pings, recording.n_samples) == (40, 150)
+    np.testing.assert_array_equal(recording.port[:, :120], dive.lines("port").astype(np.float32))
+    np.testing.assert_array_equal(recording.starboard, longer.lines("starboard").astype(np.float32))
+    assert np.isnan(recording.port[:, 120:]).all()
+
+
 def test_a_missing_side_is_unknown_and_said(write):
     recording = read(write(LowranceScene(channels=(4,)).to_bytes()))
     assert np.isnan(recording.port).all()
