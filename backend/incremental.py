@@ -1,16 +1,19 @@
 """The graph as it grows: iSAM2 takes in each anchor and each believed closure, and nothing is solved twice."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import gtsam
 import numpy as np
+from scipy.special import chdtri
 
 from backend.arrays import FloatArray, IntArray
-from backend.beliefs import Offer
-from backend.consistency import ConsistentSet, consistent_closures, reconsidered
+from backend.beliefs import Offer, believe_consistent
+from backend.consistency import ConsistentSet, consistent_closures
 from backend.evidence import surpluses
 from backend.factors import between_factors, graph_of, poses_of
 from backend.innovations import Innovations
+from backend.optimiser import residual_distances
 from backend.problem import Belief, Problem
 
 _RELINEARISE = np.repeat([0.02, 20.0], 3)  # change of a pose [rad, m] beyond which its factors are linearised again:
@@ -19,6 +22,8 @@ _STEPS_BETWEEN = 10  # anchors between two looks at whose turn it is; between th
 _FINAL_STEPS = 2  # at the end of the track, each with everything linearised again
 _MAX_JUDGES = 100  # believed closures that judge a new one; more make no difference to it
 _GROWTH = 1.5  # by this factor doubtful closures must have grown in number before all are judged together again
+
+_MISFIT = float(chdtri(6, 1e-4))  # squared residual of a relative pose that hardly a true closure has
 
 
 class IncrementalSolver:
@@ -122,13 +127,16 @@ class IncrementalGraph:
             self._judge()
 
     def settle(self) -> None:
-        """Judge all closures so far together, and once more about the solution that this gives."""
+        """Choose among all closures as if the whole track had come at once, and solve for them."""
+        if self.solver.n_anchors < len(self._problem.T_world_anchor_dr):
+            n, whole = self.solver.n_anchors, len(self._problem.T_world_anchor_dr)
+            raise ValueError(f"only {n} of {whole} anchors have come; the whole track is wanted before settle")
+        believed, scale = self.believed, self.scale
         if self._arrived.size:
-            self._judge_together()
-            present = ConsistentSet(np.isin(self._arrived, self.believed), self.scale)
-            self._adopt(reconsidered(self._compared(self._arrived), present, self._offer.consistency))
+            belief = believe_consistent(replace(self._offer, closures=self._arrived))
+            believed, scale = belief.believed, belief.odometry_scale
         for _ in range(_FINAL_STEPS):
-            self._begin_again(self.believed, self.scale)
+            self._begin_again(believed, scale)
 
     def _judge(self) -> None:
         """Believe what the believed closures speak for; judge all anew when many are in doubt."""
@@ -145,8 +153,11 @@ class IncrementalGraph:
             self._judge_together()
 
     def _judge_together(self) -> None:
-        """Find the set that agrees best."""
+        """Find the set that agrees best, without what does not fit the graph."""
         self._adopt(consistent_closures(self._compared(self._arrived), self._offer.consistency))
+        fits = residual_distances(self.solver.poses(), self._problem.chosen(self.believed)) <= _MISFIT
+        if not fits.all():
+            self._begin_again(self.believed[fits], self.scale)
 
     def _adopt(self, consistent: ConsistentSet) -> None:
         """Believe a set of those so far; begin the solution again where it leaves some out or stretches otherwise."""

@@ -2,7 +2,9 @@ import gtsam
 import numpy as np
 import pytest
 
-from backend.incremental import IncrementalSolver
+from backend.beliefs import Offer
+from backend.consistency import ConsistencyConfig
+from backend.incremental import IncrementalGraph, IncrementalSolver
 from backend.optimiser import optimise
 from backend.pose_graph import PoseGraphConfig
 
@@ -86,3 +88,23 @@ def test_a_closure_is_judged_by_what_has_come_so_far(make_survey):
     np.testing.assert_allclose(early.yaw, late.yaw, atol=1e-12)
     # another middle of the world: the same places but for what a tilt of 5 mrad moves there
     np.testing.assert_allclose(early.reach, late.reach, rtol=1e-4)
+
+
+def test_a_track_that_is_not_over_does_not_settle(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    problem = survey.graph(survey.true_closures(rng)).problem()
+    graph = IncrementalGraph(Offer(problem, np.arange(len(problem.closures)), ConsistencyConfig(), rng))
+    graph.advance(np.zeros(0, dtype=np.int64))
+    with pytest.raises(ValueError, match=r"only 1 of \d+ anchors have come; the whole track is wanted"):
+        graph.settle()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_at_the_end_the_same_closures_are_believed_as_if_all_had_come_at_once(make_survey, seed):
+    survey, rng = make_survey(seed, 3.0), np.random.default_rng(seed)
+    closures = survey.true_closures(rng) + survey.repeated_false(12, 4, rng)
+    batch, incremental = (survey.graph(closures, **kwargs).solve() for kwargs in ({}, {"config": INCREMENTAL}))
+    assert incremental.reasons == batch.reasons
+    # both end where a ten-thousandth is left to gain: sqrt(2e-4) standard deviations from the minimum at most
+    apart = np.abs(incremental.T_world_anchor[:, :2, 3] - batch.T_world_anchor[:, :2, 3])
+    assert (apart <= 2.0 * np.sqrt(2e-4) * batch.sigmas[:, :2]).all()
