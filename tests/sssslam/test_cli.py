@@ -281,7 +281,7 @@ def test_dead_reckoned_positions_keep_the_recorded_ones_as_truth(shell: Shell, d
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--nav", "nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["--nav", "nowhere.csv"], "nowhere.csv: there is no such file"),
         (["--clock-offset", "3"], "without --nav"),
         (["--nav", "track.csv", "--clock-offset", "soon"], "seconds or 'estimate' is wanted"),
         (["--nav", "track.csv", "--clock-offset", "9999"], "track.csv: covers no ping"),
