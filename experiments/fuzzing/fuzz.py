@@ -33,8 +33,8 @@ LEDGER = OUT / "ledger.jsonl"
 MAX_SECONDS, MAX_BYTES, PATIENCE = 5.0, 1 << 30, 60.0
 GOOD = ("read", "refused")
 _MAX_KEPT = 20
-# Of a given file, which may be large, the beginning is damaged.
-_FIRST_BYTES = 1 << 16
+# Of a given file, which may be large, the beginning is taken: a StarFish log starts with 64 kB of settings.
+_FIRST_BYTES = 1 << 17
 
 
 @dataclass(frozen=True)
