@@ -289,6 +289,10 @@ def _say(lines: Sequence[str]) -> None:
 
 
 def _say_result(result: "Result", out: Path) -> None:
+    from sssslam.products.manifest import read_manifest
+
+    for finding in read_manifest(out / "run.json")["findings"]:
+        out_console.print(f"! {finding['what']}: {finding['advice']}")
     accepted = sum(closure.accepted for closure in result.loop_closures)
     moved = result.trajectory.positions - result.recording.trajectory_dr.positions
     out_console.print(

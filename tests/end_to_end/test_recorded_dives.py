@@ -70,6 +70,7 @@ def test_a_dead_reckoned_dive_is_judged_by_its_recorded_positions(tmp_path, wrec
     done = sssslam("run", wreck, "-o", out, "--navigation", "dead-reckoned")
     assert done.returncode == 0, done.stderr
     assert "positions are rebuilt from heading and speed" in done.stdout
+    assert "! the nose points 20 deg down in the middle of all pings: " in done.stdout
     ate = next(line for line in done.stdout.splitlines() if line.startswith("ate_dr"))
     # a magnetic heading turns the whole track, which ATE does not see; held speed and jitter of fixes are left of 55 m
     assert 0.1 < float(ate.split()[1]) < 2.0

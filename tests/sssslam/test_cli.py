@@ -144,6 +144,14 @@ def test_a_wrong_option_is_refused_before_the_work(shell: Shell, dive: Path, opt
     assert message in errors
 
 
+def test_a_run_of_a_single_ping_says_what_is_wrong_with_it(shell: Shell, dive: Path) -> None:
+    write_netcdf(read(dive)[:1], dive)
+    status, output, errors = shell("run", dive, "-o", "out")
+    assert (status, errors) == (0, "")
+    assert "! there is one ping only: a window of many pings is wanted\n" in output
+    assert "<strong>there is one ping only</strong>" in Path("out/report.html").read_text()
+
+
 def test_an_unknown_scene_is_refused_with_the_known_ones(shell: Shell) -> None:
     status, _, errors = shell("simulate", "moon", "-o", "moon.nc")
     assert status == 1
