@@ -6,11 +6,11 @@ from frontend.trajectory import Trajectory
 from frontend.turns import heading_spread
 from frontend.windows import WindowConfig, window_length
 
-# Windows two lengths apart are compared, so that of eight most have partners; a shorter track leaves too few.
-_WINDOWS_A_TRACK = 8
+# Windows two lengths apart are compared, so that of nine most have partners; a shorter track leaves too few.
+_WINDOWS_A_TRACK = 9
 _LEAST_SLANT_RANGES = 0.5  # shorter, and a window holds too little floor to be told from another
-# A window is compared with those that share pings with it: 2.5 lengths, which on such a dive is some 1.5 slant ranges.
-_SHORT_OVERLAP = 0.75
+# A window is compared with those that share pings with it: 2.6 lengths, which on such a dive is some 1.5 slant ranges.
+_SHORT_OVERLAP = 0.8
 # A turn between two legs nearer than its circle is wide swings out by up to 60 deg before and after; a track that goes
 # round turns by more [rad].
 _GOES_ROUND = 2 * np.pi
@@ -32,8 +32,8 @@ def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajecto
     -------
     config : WindowConfig
         As given where the length is set, where the headings span less than a whole circle, or where 1.5 slant ranges
-        are no more than an eighth of the distance run. Else with that eighth as length, at least half a slant
-        range, and an overlap of 0.75.
+        are no more than a ninth of the distance run. Else with that ninth as length, at least half a slant
+        range, and an overlap of 0.8.
 
     Notes
     -----
@@ -47,7 +47,7 @@ def suit_track(config: WindowConfig, slant_range: float, trajectory_dr: Trajecto
     >>> x, y = np.cumsum(np.cos(yaw)), np.cumsum(np.sin(yaw))
     >>> suited = suit_track(WindowConfig(), 40.0, Trajectory(time, x, y, zero, zero, zero, yaw))
     >>> round(suited.length), suited.overlap
-    (25, 0.75)
+    (22, 0.8)
     """
     if config.length is not None or len(trajectory_dr) == 0:
         return config

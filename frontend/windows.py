@@ -25,7 +25,7 @@ class WindowConfig(BaseModel):
         default=None,
         gt=0,
         description="Distance run in a window [m]; unset: 1.5 slant ranges, a footprint about as long as wide; on a "
-        "short track that turns back an eighth of it, at least half a slant range.",
+        "short track that turns back a ninth of it, at least half a slant range.",
     )
     n_lines: int | None = Field(
         default=None,
@@ -37,7 +37,7 @@ class WindowConfig(BaseModel):
         ge=0,
         lt=1,
         description="Share of a window [1] that the next one repeats, so that no place lies only at an edge; unset: "
-        "0.5, and 0.75 where a short track that turns back makes the windows short.",
+        "0.5, and 0.8 where a short track that turns back makes the windows short.",
     )
     n_edge_pings: int = Field(
         default=1,

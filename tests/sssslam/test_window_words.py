@@ -29,7 +29,7 @@ def said(dive, config):
 
 def test_windows_that_a_track_made_short_are_said_with_that_reason(dive):
     note = said(dive, resolve(load_config(settings=[METHOD]), dive))
-    assert note.startswith("Windows of 15 m that overlap by 75%")
+    assert note.startswith("Windows of 15 m that overlap by 80%")
     assert note.endswith("from a slant range of 30 m and a track of 120 m that turns back.")
 
 
