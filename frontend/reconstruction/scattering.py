@@ -33,8 +33,8 @@ def likeliest_exponent(misfit: Callable[[float], FloatArray], usual: float, spre
     In shading, an exponent and the height of relief make up for one another (SCIENCE 7.1, v). What tells them apart is
     what is not linear: shadows, layover, faces that look back at the sonar, roll. Lines that a solution is fitted to
     prefer whatever bends most easily; lines kept aside do not. What all windows gain together must exceed its own
-    standard error. Only larger exponents are tried: one believed half as large as it is gives relief a third more
-    error, one believed twice as large gives it none (experiments/reconstruction).
+    standard error. Only larger exponents are tried: a floor of exponent 4 taken for 2 is reconstructed with up to a
+    third more error, one of exponent 1 taken for 2 with no more (experiments/reconstruction).
     """
     at_usual = misfit(usual)
     if len(at_usual) < _FEWEST:
