@@ -159,8 +159,8 @@ def turning_back(slant_range: float) -> Recording:
 def test_resolving_a_dive_fills_in_what_its_track_and_its_sensors_ask_for() -> None:
     dive = turning_back(20.0)
     resolved = resolve(Config(), dive)
-    assert resolved.windows.length == pytest.approx(dive.trajectory_dr.distance[-1] / 8)
-    assert (resolved.windows.overlap, resolved.dead_reckoning.velocity_scale_sd) == (0.75, 0.1)
+    assert resolved.windows.length == pytest.approx(dive.trajectory_dr.distance[-1] / 9)
+    assert (resolved.windows.overlap, resolved.dead_reckoning.velocity_scale_sd) == (0.8, 0.1)
     assert resolve(resolved, turning_back(30.0)) == resolved
 
 
