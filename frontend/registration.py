@@ -43,7 +43,7 @@ class RegistrationConfig(BaseModel):
         description="Side of the squares [m] whose errors count as independent: beyond the errors' reach.",
     )
     sigma_factor: float = Field(
-        default=2.0,
+        default=1.7,
         gt=0,
         description="Sigma against that of the residuals [1]: drift bends windows. Calibrated on simulated dives.",
     )

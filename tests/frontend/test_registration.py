@@ -12,6 +12,7 @@ from frontend.sampling import normal_equations
 from tests.frontend.seafloor_scenes import Seafloor, cut_submap, rough_seafloor
 
 TARGET = (150.0, 150.0, 0.4)
+BARE = RegistrationConfig(sigma_factor=1.0, min_sigma=0.0, min_sigma_yaw=0.0)  # nothing added to what residuals say
 
 
 def two_passes(seed, relative, error=0.05, seafloor=None):
@@ -48,13 +49,22 @@ def test_errors_are_as_large_as_the_sigmas_say():
     for seed in range(16):
         relative = (5.0, 8.0, [0.0, 0.8, np.pi / 2, np.pi][seed % 4])
         a, b = two_passes(seed, relative, error=0.06)
-        registration = register(layers_of(a), layers_of(b), planar_pose(5.5, 8.5, relative[2] + 0.01))
+        registration = register(layers_of(a), layers_of(b), planar_pose(5.5, 8.5, relative[2] + 0.01), BARE)
         x, y, yaw = planar_parameters(registration.T_target_source)
         error = np.array([x - 5.0, y - 8.0, np.angle(np.exp(1j * (yaw - relative[2])))])
         squares.append(np.mean((error / registration.sigmas[[3, 4, 2]]) ** 2))
-    # chi-square of 48 degrees of freedom over 48 lies within 0.5 and 1.7 with 99.8 %; the sigmas are made twice as
-    # large for the drift inside windows of real dives, which these passes lack, and have floors
-    assert 0.1 < np.mean(squares) < 1.7 / RegistrationConfig().sigma_factor ** 2 * 2
+    # chi-square of 48 degrees of freedom over 48 lies within 0.5 and 1.7 with 99.8 %; these passes lack the drift
+    # inside windows of real dives, for which the default sigmas are wider
+    assert 0.5 < np.mean(squares) < 1.7
+
+
+def test_the_factor_widens_sigmas_before_their_floors():
+    relative = (5.0, 8.0, 0.8)
+    layers = [layers_of(s) for s in two_passes(2, relative)]
+    start, factor = planar_pose(*relative), RegistrationConfig().sigma_factor
+    bare = register(*layers, start, BARE).sigmas[2:5]
+    floors = np.array([RegistrationConfig().min_sigma_yaw, *2 * [RegistrationConfig().min_sigma]])
+    assert register(*layers, start).sigmas[2:5] == pytest.approx(np.hypot(factor * bare, floors), rel=1e-12)
 
 
 def test_noise_makes_the_sigmas_grow():
