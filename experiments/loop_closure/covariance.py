@@ -35,9 +35,11 @@ def lines(records: Sequence[Record]) -> Iterable[str]:
     yield "|---|---|---|---|---|---|---|---|---|"
     groups = {floor: [r for r in records if r["floor"] == floor] for floor in (*INFORMATIVE, "falls")}
     for name, group in {**groups, "all": list(records)}.items():
+        if not group:
+            continue
         error = np.array([[r[f"error_{n}"] for n in ("x", "y", "yaw")] for r in group]).reshape(-1, 3)
         z = error / np.array([[r[f"sigma_{n}"] for n in ("x", "y", "yaw")] for r in group]).reshape(-1, 3)
-        low, high = chi2.ppf([0.025, 0.975], max(z.size, 1)) / max(z.size, 1)
+        low, high = chi2.ppf([0.025, 0.975], z.size) / z.size
         away = np.median(np.hypot(error[:, 0], error[:, 1])), np.degrees(np.median(np.abs(error[:, 2])))
         cells = [f"{cell:.2f}" for cell in (*np.sqrt(np.mean(z**2, axis=0)), *away)]
         yield f"| {name} | {len(z)} | {np.mean(z**2):.2f} | {low:.2f} to {high:.2f} | {' | '.join(cells)} |"
