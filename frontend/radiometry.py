@@ -26,7 +26,10 @@ class RadiometryConfig(BaseModel):
         default=2.0, gt=0, description="Exponent [1] of cos(incidence) that is usual; 2 is Lambert's law for intensity."
     )
     exponent_spread: float = Field(
-        default=0.35, gt=0, description="Standard deviation [1] of its logarithm of floors about it; 0.01 holds it."
+        default=0.01,
+        gt=0,
+        description="Standard deviation [1] of its logarithm of floors about it; 0.01 holds it. 0.35 looks for it: "
+        "floors of exponent 4 gain, but boulders on a floor of 2 are taken for 3.4 and lose half of their closures.",
     )
     angle_step: float = Field(
         default=0.035, gt=0, description="Knots of the beam pattern [rad]; two degrees resolve sidelobes."

@@ -9,6 +9,7 @@ from frontend.arrays import FloatArray
 _STEP = 0.5 * np.log(2.0)  # between exponents tried, in their logarithm: nearer ones bend no shape
 _FARTHEST = 3  # steps above the usual exponent: a factor of 2.8
 _FEWEST = 3  # windows that can show how much they differ
+_HELD = 0.05  # spread at which the first step away costs 24 in log-likelihood: not worth the trial
 
 
 def likeliest_exponent(misfit: Callable[[float], FloatArray], usual: float, spread: float) -> float:
@@ -36,6 +37,8 @@ def likeliest_exponent(misfit: Callable[[float], FloatArray], usual: float, spre
     standard error. Only larger exponents are tried: a floor of exponent 4 taken for 2 is reconstructed with up to a
     third more error, one of exponent 1 taken for 2 with no more (experiments/reconstruction).
     """
+    if spread <= _HELD:
+        return usual
     at_usual = misfit(usual)
     if len(at_usual) < _FEWEST:
         return usual
