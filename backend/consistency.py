@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from backend.arrays import BoolArray, FloatArray, IntArray
+from backend.arrays import BoolArray, IntArray
 from backend.evidence import without_losers
 from backend.hypotheses import best_hypothesis, fitted_scale, with_agreeing
 from backend.innovations import Innovations
@@ -141,10 +141,8 @@ def _judged_by(closures: Innovations, members: IntArray, scale: float, config: C
 
 def _lone(closures: Innovations, config: ConsistencyConfig) -> BoolArray:
     """Those at one place that are believed alone, unless another as sure speaks against them."""
-    distance = np.einsum(
-        "ai,aij,aj->a", closures.residuals, np.linalg.inv(_own_covariance(closures)), closures.residuals
-    )
-    sure = np.flatnonzero(_is_sure(closures, config) & (distance < chdtri(_DIMENSIONS, 1.0 - config.pair_probability)))
+    is_near = closures.squared_distances < chdtri(_DIMENSIONS, 1.0 - config.pair_probability)
+    sure = np.flatnonzero(_is_sure(closures, config) & is_near)
     is_member = np.zeros(len(closures), dtype=bool)
     if len(without_losers(closures[sure], np.arange(len(sure)), 1.0)) < len(sure) or not sure.size:
         return is_member
@@ -155,11 +153,6 @@ def _lone(closures: Innovations, config: ConsistencyConfig) -> BoolArray:
 def _is_sure(closures: Innovations, config: ConsistencyConfig) -> BoolArray:
     """Which are believed alone: hardly to be had by chance, and where dead reckoning leaves little room."""
     return (closures.chance <= config.max_lone_chance) & (closures.reach <= config.max_lone_reach)
-
-
-def _own_covariance(closures: Innovations) -> FloatArray:
-    """Covariance of each residual, dead reckoning as modelled."""
-    return closures.noise + closures.drift[closures.last] - closures.drift[closures.first]
 
 
 def _thin(n_closures: int, max_closures: int) -> IntArray:

@@ -6,8 +6,6 @@ leaves at the same place of its frame on every line, by which windows seem to li
 drift as true ones do, and are wrong by one offset besides.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import gammaln
 
@@ -75,7 +73,7 @@ def log_set_chance(votes: Innovations, scale: float, n_votes: int) -> float:
     factor, whitened = factorise(votes.joint_covariance(scale), votes.residuals.reshape(1, -1))
     log_ball = 0.5 * dimensions * np.log(np.pi * (whitened**2).sum()) - gammaln(0.5 * dimensions + 1.0)
     log_ellipsoid = log_ball + np.log(np.diag(factor)).sum()
-    beyond = np.maximum(_squared_distances(votes) / GATE, 1.0)
+    beyond = np.maximum(votes.squared_distances / GATE, 1.0)
     log_density = log_gate(votes, 1.0) - 1.5 * np.log(beyond)
     log_ways = gammaln(n_votes + 1) - gammaln(n_chosen + 1) - gammaln(n_votes - n_chosen + 1)
     return float(log_ways + log_ellipsoid + log_density.sum())
@@ -100,7 +98,7 @@ def log_alias_ratio(votes: Innovations, others: Innovations, scale: float) -> fl
         Logarithm of the ratio of the likelihoods, of the better of two kinds of offset: one in the world, or one ahead
         of wherever the vehicle heads. Either lies anywhere in the gate.
     """
-    every, n = _joined(votes, others), len(votes)
+    every, n = votes.joined(others), len(votes)
     size = GATE_AXIS * float(np.median(votes.reach))
     somewhere, ahead = np.zeros((len(every), 3, 2)), np.zeros((len(every), 3, 1))
     somewhere[:, 1:] = np.eye(2)
@@ -110,13 +108,6 @@ def log_alias_ratio(votes: Innovations, others: Innovations, scale: float) -> fl
         _log_explained(every, n, size * offset, worse) for offset in (somewhere, ahead) for worse in _ALIAS_SCALES
     ]
     return max(aliases) - true
-
-
-def _joined(votes: Innovations, others: Innovations) -> Innovations:
-    """Some closures and then others of the same dive."""
-    each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance", "ahead")
-    both = {name: np.concatenate([getattr(votes, name), getattr(others, name)]) for name in each}
-    return replace(votes, **both)
 
 
 def _log_explained(every: Innovations, n: int, offset: FloatArray, scale: float) -> float:
@@ -135,9 +126,3 @@ def _log_explained(every: Innovations, n: int, offset: FloatArray, scale: float)
     rest = blocks[each, :, each] - left @ left.transpose(0, 2, 1)
     gains = log_normal(residuals[n:] - told, rest) - log_gate(every[np.arange(n, len(every))], 1.0)
     return explained + float(np.maximum(gains, 0.0).sum())
-
-
-def _squared_distances(votes: Innovations) -> FloatArray:
-    """Of each residual by itself, dead reckoning as modelled."""
-    own = votes.noise + votes.drift[votes.last] - votes.drift[votes.first]
-    return np.asarray(np.einsum("ai,ai->a", votes.residuals, np.linalg.solve(own, votes.residuals[..., None])[..., 0]))

@@ -89,9 +89,8 @@ def log_gate(closures: Innovations, scale: float) -> FloatArray:
     log_density : ndarray, shape (C,)
         Its logarithm [1/(rad m**2)].
     """
-    drift = closures.drift[closures.last] - closures.drift[closures.first]
     log_volume = np.log(4.0 / 3.0 * np.pi) + 0.5 * _DIMENSIONS * np.log(GATE)
-    return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * drift + closures.noise)[1])
+    return np.asarray(-log_volume - 0.5 * np.linalg.slogdet(scale**2 * closures.own_drift + closures.noise)[1])
 
 
 def log_normal(residuals: FloatArray, covariances: FloatArray) -> FloatArray:
@@ -136,7 +135,7 @@ def surprises(judged: Innovations, believed: Innovations, scale: float) -> tuple
     told = believed.residuals.reshape(1, -1)
     _, whitened = factorise(believed.joint_covariance(scale), np.concatenate([shared, told]))
     told, shared = whitened[-1], whitened[:-1].reshape(len(judged), 3, -1)
-    drift = judged.drift[judged.last] - judged.drift[judged.first]
+    drift = judged.own_drift
     explained = np.einsum("aik,ajk->aij", shared, shared)
     return judged.residuals - np.einsum("aik,k->ai", shared, told), judged.noise + scale**2 * drift - explained
 

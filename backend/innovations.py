@@ -18,6 +18,9 @@ from backend.arrays import BoolArray, FloatArray, IntArray
 from backend.poses import cross_matrix, invert, sandwich
 from backend.stacks import RelativeStack
 
+# fields that hold a row for each closure
+_OF_EACH = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance", "ahead")
+
 
 @dataclass(frozen=True)
 class Innovations:
@@ -60,8 +63,34 @@ class Innovations:
         return len(self.yaw)
 
     def __getitem__(self, chosen: IntArray | BoolArray | slice) -> "Innovations":
-        each = ("yaw", "shift", "noise", "first", "last", "explained", "reach", "chance", "ahead")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in each})
+        return replace(self, **{name: getattr(self, name)[chosen] for name in _OF_EACH})
+
+    def joined(self, others: "Innovations") -> "Innovations":
+        """These closures and then others of the same dive.
+
+        Parameters
+        ----------
+        others : Innovations
+            Compared with the same dead reckoning.
+
+        Returns
+        -------
+        joined : Innovations
+            All of both.
+        """
+        both = {name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in _OF_EACH}
+        return replace(self, **both)
+
+    @property
+    def own_drift(self) -> FloatArray:
+        """Shape (C, 3, 3): covariance of dead reckoning between the two ends of each."""
+        return np.asarray(self.drift[self.last] - self.drift[self.first])
+
+    @property
+    def squared_distances(self) -> FloatArray:
+        """Shape (C,): square of each residual over its covariance by itself, dead reckoning as modelled."""
+        whitened = np.linalg.solve(self.own_drift + self.noise, self.residuals[..., None])[..., 0]
+        return np.asarray(np.einsum("ai,ai->a", self.residuals, whitened))
 
     @property
     def residuals(self) -> FloatArray:

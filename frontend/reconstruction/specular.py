@@ -31,8 +31,9 @@ def specular_end(intensity: FloatArray, sample_spacing: FloatArray, first_bottom
     """
     edges = float(np.median(first_bottom_return)) * np.arange(1 - 2 * _STEP, _NEAR, _STEP)
     samples = (edges / float(np.median(sample_spacing))).astype(int)
-    known = np.isfinite(intensity)
-    sums, counts = np.where(known, intensity, 0.0).sum(axis=0), known.sum(axis=0)
+    near = intensity[:, :, : int(samples[-1]) + 1]
+    known = np.isfinite(near)
+    sums, counts = np.where(known, near, 0.0).sum(axis=0), known.sum(axis=0)
     strips = [slice(first, max(end, first + 1)) for first, end in pairwise(samples)]
     level = np.array([sums[:, k].sum(axis=1) / np.maximum(counts[:, k].sum(axis=1), 1) for k in strips])
     falls = (level[1:] > 0) & (level[1:] < np.exp(-_FALL) * level[:-1])

@@ -1,6 +1,7 @@
 """A window made ready for inversion at one resolution: multilooked bins, beams in the submap frame, the raster."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -59,6 +60,11 @@ class WindowData:
     def slant_range_max(self) -> float:
         """Longest slant range of any ping [m]."""
         return float(self.sample_spacing.max() * self.intensity.shape[2])
+
+    @cached_property
+    def specular_end(self) -> FloatArray:
+        """Shape (2,): slant range at which the specular echo of each side ends [m]; 0 where there is none."""
+        return specular_end(self.intensity, self.sample_spacing, self.first_bottom_return)
 
 
 @dataclass(frozen=True)
@@ -228,8 +234,7 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     mean = np.divide(sums, counts, out=np.ones_like(sums), where=counts > 0)
     blur = model.blur * _level_beyond(mean, counts)
     variance = 1.0 / np.maximum(counts * model.radiometry.looks, 1e-9) + 1.0 / model.looks_most
-    end = specular_end(data.intensity, data.sample_spacing, data.first_bottom_return)
-    variance += specular_variance(_profile(mean + blur, counts), end / width)
+    variance += specular_variance(_profile(mean + blur, counts), data.specular_end / width)
     effective = np.where(counts > 0, 1.0 / variance, 0.0)
     noise = model.noise(width * np.arange(0.5, n_bins))
     return _lines(data, group), Bins(mean + blur, effective, noise + blur, width)
