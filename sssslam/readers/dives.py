@@ -169,7 +169,7 @@ def _good_pings(pings: Pings) -> BoolArray:
 def _are_together(pings: Pings) -> BoolArray:
     """Pings in one region, and not at a pole, where no local frame can be."""
     east, north = pings.navigation.east, pings.navigation.north
-    if not np.isfinite(north).any():
+    if not (np.isfinite(east) & np.isfinite(north)).any():
         return np.zeros(len(north), dtype=np.bool_)
     unit, width = 1.0, np.ones(len(north))
     if pings.is_geographic:

@@ -181,6 +181,18 @@ def test_channels_cannot_be_chosen(write, written):
         read(write(written()), channels="1,2")
 
 
+@FORMATS
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("east", "north"), [("x", "y"), ("longitude", "latitude")])
+@pytest.mark.parametrize("unknown", [0, 1])
+def test_a_dive_with_one_coordinate_throughout_unknown_is_refused_in_words(write, written, east, north, unknown):
+    places = {east: 8.0 + 0 * K, north: 54.0 + 0 * K}
+    places[(east, north)[unknown]] = np.full(len(K), np.nan)
+    settings = {key: value for key, value in SETTINGS.items() if not key.startswith("origin")}
+    with pytest.raises(ValueError, match="none of 5 pings has a position"):
+        read(write(written({**but(x=None, y=None), **places}, settings=settings)))
+
+
 def test_local_and_geographic_positions_do_not_mix(write):
     there = but(x=None, y=None, latitude=45 + 1e-5 * K, longitude=5 + 0 * K, time=2e9 + K)
     with pytest.raises(ValueError, match="one has positions in metres of a local frame and one in degrees"):
