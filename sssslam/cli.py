@@ -26,6 +26,12 @@ ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML file; se
 Settings = Annotated[list[str] | None, typer.Option("-s", "--set", help="section.key=value; may be repeated.")]
 Channels = Annotated[str | None, typer.Option(help="Which channels of a dual-frequency file, such as 3,4 or 900kHz.")]
 MethodName = Annotated[str | None, typer.Option(help="Method of reconstruction; same as -s reconstruction.method=.")]
+Together = Annotated[
+    bool,
+    typer.Option(
+        "--together", help="Reconstruct the map of all passes over a place together; same as -s map.method=together."
+    ),
+]
 Nav = Annotated[Path | None, typer.Option("--nav", help="Navigation beside the sonar: CSV with a header, TUM or NMEA.")]
 ClockOffset = Annotated[
     str | None, typer.Option(help="Seconds to add to the times of --nav, or 'estimate'.", metavar="SECONDS|estimate")
@@ -44,6 +50,10 @@ Positions = Annotated[
     ),
 ]
 Seed = Annotated[int | None, typer.Option(help="Seed of the scene.", min=0)]
+
+
+def _mapped(together: bool) -> list[str]:
+    return ["map.method=together"] if together else []
 
 
 def _version(wanted: bool) -> None:
@@ -85,6 +95,7 @@ def run(
     clock_offset: ClockOffset = None,
     navigation: Positions = "recorded",
     closures: Closures = None,
+    together: Together = False,
 ) -> None:
     """Examples:
 
@@ -95,6 +106,7 @@ def run(
       sssslam run dive.xtf -o out --nav track.csv --clock-offset estimate
       sssslam run boat.logdoc -o out --navigation dead-reckoned
       sssslam run dive.xtf -o again --closures decisions.csv
+      sssslam run dive.xtf -o out --together
 
     Correct the track of a dive and write track, map, loop closures and report.
     """
@@ -102,7 +114,7 @@ def run(
     from sssslam.dive import Dive
 
     dive = Dive(recordings, channels, nav, clock_offset, navigation)
-    commands.run(dive, out, commands.configuration(config, settings), closures)
+    commands.run(dive, out, commands.configuration(config, [*(settings or ()), *_mapped(together)]), closures)
 
 
 @app.command()
@@ -139,6 +151,7 @@ def reconstruct(
     settings: Settings = None,
     channels: Channels = None,
     method: MethodName = None,
+    together: Together = False,
     nav: Nav = None,
     clock_offset: ClockOffset = None,
     navigation: Positions = "recorded",
@@ -149,13 +162,15 @@ def reconstruct(
       sssslam reconstruct dive.xtf -o shape
       sssslam reconstruct dive.xtf -o shape --method joint
       sssslam reconstruct dive.xtf -o shape -s reconstruction.joint.spacing=0.5
+      sssslam reconstruct dive.xtf -o shape --together
 
-    Reconstruct the seafloor window by window: submaps and a figure, no change of the track.
+    Reconstruct the seafloor window by window, or patch by patch from all passes over it together: submaps and a figure,
+    no change of the track.
     """
     from sssslam import commands
     from sssslam.dive import Dive
 
-    chosen = [*(settings or ()), *([] if method is None else [f"reconstruction.method={method}"])]
+    chosen = [*(settings or ()), *([] if method is None else [f"reconstruction.method={method}"]), *_mapped(together)]
     dive = Dive(recordings, channels, nav, clock_offset, navigation)
     commands.reconstruct(dive, out, commands.configuration(config, chosen))
 

@@ -122,7 +122,7 @@ def list_scenes() -> None:
 
 
 def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
-    """Reconstruct the seafloor window by window.
+    """Reconstruct the seafloor window by window, or patch by patch.
 
     Parameters
     ----------
@@ -136,6 +136,7 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     from frontend.bottom import find_bottom
     from frontend.reconstruction import calibrate
     from sssslam.config import resolve
+    from sssslam.mapping import reconstruct_patches
     from sssslam.products.shape import write_shape
     from sssslam.stages import choose_windows, notes, reconstruct_windows
 
@@ -146,7 +147,9 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     windows, skipped = choose_windows(recording, bottom, config)
     radiometry = calibrate(recording, windows, bottom, config.radiometry, config.reconstruction.joint)
     _say((*notes(recording, bottom, radiometry, config), *skipped.notes))
-    submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
+    known, how = (bottom, radiometry), (config.map, config.reconstruction.joint)
+    submaps = reconstruct_patches(recording, windows, known, how, watch)
+    submaps = submaps or reconstruct_windows(recording, windows, known, config, watch)
     write_shape(recording, submaps, bottom.first_bottom_return, out)
     out_console.print(f"{len(submaps)} submaps in {out / 'submaps'}; look at {out / 'figures' / 'submaps.png'}")
 

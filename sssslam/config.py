@@ -23,6 +23,7 @@ from frontend.recording import Recording
 from frontend.window_defaults import suit_track
 from frontend.windows import WindowConfig, resolve_windows
 from sssslam.dead_reckoning import suit_sensors
+from sssslam.mapping import MapConfig
 
 
 class Config(BaseModel):
@@ -40,6 +41,7 @@ class Config(BaseModel):
     consistency: ConsistencyConfig = ConsistencyConfig()
     pose_graph: PoseGraphConfig = PoseGraphConfig()
     do_no_harm: DoNoHarmConfig = DoNoHarmConfig()
+    map: MapConfig = MapConfig()
     seed: int = Field(default=0, ge=0, description="Seed of every random draw [1].")
 
 

@@ -1,5 +1,7 @@
 """The whole method on one screen, for a finished dive; `sssslam.online` has it for pings as they come."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from frontend.bottom import find_bottom
@@ -10,6 +12,7 @@ from sssslam.config import Config, resolve
 from sssslam.dead_reckoning import dead_reckon
 from sssslam.fixes import fixes_at_anchors
 from sssslam.graph import anchor_pings, make_graph, solve_at_fixes
+from sssslam.mapping import reconstruct_patches
 from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.stages import (
@@ -71,6 +74,9 @@ def slam(
     closures = decided(closures, solution)
     with watch.stage("correction"):
         trajectory, sigmas = correct(recording.trajectory_dr, submaps, solution, dead_reckoning)
+    # a trajectory to the map
+    corrected, how = replace(recording, trajectory_dr=trajectory), (config.map, config.reconstruction.joint)
+    patches = reconstruct_patches(corrected, windows, (bottom, radiometry), how, watch)
     said = notes(recording, bottom, radiometry, config)
     return Result(
         recording,
@@ -84,4 +90,5 @@ def slam(
         watch.seconds,
         (*said, *skipped.notes, *fixes.notes, *override_notes(found, closures, overrides)),
         {**skipped.counts, **fixes.counts},
+        tuple(patches),
     )

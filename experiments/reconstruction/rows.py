@@ -10,7 +10,7 @@ from frontend.arrays import FloatArray
 from frontend.heightfield import Heightfield
 from frontend.reconstruction import ReconstructionConfig, method_of
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.joint import cell_spacing, first_surface
+from frontend.reconstruction.joint import JointConfig, cell_spacing, first_surface, reconstruct_together
 from frontend.reconstruction.window_data import WindowData, raster_of, window_data
 from frontend.submaps import Submap
 from frontend.windows import Window
@@ -40,6 +40,12 @@ def by_name(name: str) -> Row:
     return lambda dive: [method(dive.recording, window, dive.bottom, dive.radiometry) for window in dive.windows]
 
 
+def together(dive: Dive) -> list[Submap]:
+    """The method `joint`, one surface for all passes."""
+    known = dive.bottom, dive.radiometry
+    return [reconstruct_together(dive.recording, dive.windows, *known, JointConfig())]
+
+
 def library_methods() -> list[str]:
     """Names of the methods that the library has."""
     named = ReconstructionConfig.model_fields["method"].annotation
@@ -51,6 +57,7 @@ ROWS: dict[str, Row] = {
     "altimeter": altimeter,
     "linear": linear,
     **{name: by_name(name) for name in library_methods()},
+    "together": together,
 }
 
 

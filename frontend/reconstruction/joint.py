@@ -20,7 +20,7 @@ from frontend.reconstruction.roughness import RoughnessConfig, believing, learn_
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise
 from frontend.reconstruction.uncertainty import SigmaConfig, height_sigma, resample
 from frontend.reconstruction.unknowns import Unknowns
-from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
+from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, join, raster_of, window_data
 from frontend.recording import Recording
 from frontend.submaps import Submap
 from frontend.windows import Window
@@ -111,8 +111,39 @@ def reconstruct(
     submap : Submap
         Heights, sigma, log-reflectivity and shadow on a grid in the level frame of the anchor ping.
     """
+    return reconstruct_together(recording, [window], bottom, radiometry, config)
+
+
+def reconstruct_together(
+    recording: Recording, windows: Sequence[Window], bottom: Bottom, radiometry: Radiometry, config: JointConfig
+) -> Submap:
+    """Reconstruct the seafloor that several windows saw, as one surface that explains the echoes of all.
+
+    Parameters
+    ----------
+    recording : Recording
+        The dive; the windows are taken to lie to each other as its track says.
+    windows : sequence of Window
+        Which pings; at least one window.
+    bottom : Bottom
+        First bottom returns and altitude of the dive.
+    radiometry : Radiometry
+        Calibrated for the dive.
+    config : JointConfig
+        The method's settings.
+
+    Returns
+    -------
+    submap : Submap
+        Over the swaths of all windows, in the level frame of the first one's anchor ping, under its number and pings.
+
+    Notes
+    -----
+    Two passes that look at a slope from either side tell it from a change of reflectivity, which one pass cannot.
+    """
     until = time.monotonic() + config.solver.deadline
-    data = window_data(recording, window, bottom, radiometry)
+    window = windows[0]
+    data = join([window_data(recording, each, bottom, radiometry) for each in windows])
     posteriors = coarse_to_fine(data, radiometry, config)
     roughness = learn_roughness(posteriors[0], config.roughness, config.solver, until)
     levels = descend([believing(posterior, roughness) for posterior in posteriors], config.solver, until)

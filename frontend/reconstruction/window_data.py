@@ -1,13 +1,14 @@
-"""A window made ready for inversion at one resolution: multilooked bins, beams in the submap frame, the raster."""
+"""Windows made ready for inversion at one resolution: multilooked bins, beams in the submap frame, the raster."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numba
 import numpy as np
 from scipy.fft import next_fast_len
 
-from frontend.arrays import FloatArray
+from frontend.arrays import FloatArray, IntArray
 from frontend.bottom import Bottom
 from frontend.frames import invert, level, transform
 from frontend.geometry import transducer_positions
@@ -23,7 +24,7 @@ _MOST_CELLS = 2e7  # some 10 GB of work; a window of 100 m at 3 cm has half of i
 
 @dataclass(frozen=True)
 class WindowData:
-    """Everything a method needs of one window, in the submap frame.
+    """Everything a method needs of a window, or of several that are to give one submap, in the submap frame.
 
     Parameters
     ----------
@@ -43,6 +44,8 @@ class WindowData:
         Slant range of the first echo [m].
     advance, turn : ndarray, shape (P,)
         Distance run [1] and angle turned [rad/m] in half the time of a metre of slant range, there and back.
+    n_pings : tuple of int
+        Pings of each window; they add up to P.
     """
 
     T_world_submap: FloatArray
@@ -55,6 +58,7 @@ class WindowData:
     first_bottom_return: FloatArray
     advance: FloatArray
     turn: FloatArray
+    n_pings: tuple[int, ...]
 
     @property
     def slant_range_max(self) -> float:
@@ -145,7 +149,33 @@ def window_data(recording: Recording, window: Window, bottom: Bottom, radiometry
         bottom.first_bottom_return[pings],
         speed / sound_speed,
         turn_rate / sound_speed,
+        (len(poses),),
     )
+
+
+def join(windows: Sequence[WindowData]) -> WindowData:
+    """Several windows as one, so that one surface explains what each of them saw.
+
+    Parameters
+    ----------
+    windows : sequence of WindowData
+        At least one; all with echoes of as many samples.
+
+    Returns
+    -------
+    data : WindowData
+        All pings, window after window, in the frame of the first.
+    """
+    if len(windows) == 1:
+        return windows[0]
+    frames = [invert(windows[0].T_world_submap) @ window.T_world_submap for window in windows]
+    pings = [T @ window.T_submap_pings for T, window in zip(frames, windows, strict=True)]
+    sensors = [transform(T, window.sensors) for T, window in zip(frames, windows, strict=True)]
+    names = ("intensity", "sample_spacing", "altitude", "first_bottom_return", "advance", "turn")
+    rest = {name: np.concatenate([getattr(window, name) for window in windows]) for name in names}
+    n_pings = tuple(n for window in windows for n in window.n_pings)
+    moved = {"T_submap_pings": np.concatenate(pings), "sensors": np.concatenate(sensors)}
+    return replace(windows[0], n_pings=n_pings, **moved, **rest)
 
 
 def _usable(intensity: FloatArray, bottom: Bottom, pings: slice) -> FloatArray:
@@ -226,26 +256,30 @@ def beams_and_bins(data: WindowData, width: float, group: int, model: BinModel) 
     beams, bins : Beams, Bins
         Lines at the mean pose of their pings.
     """
-    n_lines = len(data.intensity) // group
+    first = _first_pings(data.n_pings, group)
     n_bins = int(np.ceil(data.slant_range_max / width))
-    sums, counts = np.zeros((n_lines, 2, n_bins)), np.zeros((n_lines, 2, n_bins))
+    sums, counts = np.zeros((len(first), 2, n_bins)), np.zeros((len(first), 2, n_bins))
     blanking = 0.6 * data.first_bottom_return
-    _multilook(data.intensity, data.sample_spacing, blanking, group, width, sums, counts)
+    _multilook(data.intensity, data.sample_spacing, blanking, first, group, width, sums, counts)
     mean = np.divide(sums, counts, out=np.ones_like(sums), where=counts > 0)
     blur = model.blur * _level_beyond(mean, counts)
     variance = 1.0 / np.maximum(counts * model.radiometry.looks, 1e-9) + 1.0 / model.looks_most
     variance += specular_variance(_profile(mean + blur, counts), data.specular_end / width)
     effective = np.where(counts > 0, 1.0 / variance, 0.0)
     noise = model.noise(width * np.arange(0.5, n_bins))
-    return _lines(data, group), Bins(mean + blur, effective, noise + blur, width)
+    return _lines(data, first[:, None] + np.arange(group)), Bins(mean + blur, effective, noise + blur, width)
 
 
-def _lines(data: WindowData, group: int) -> Beams:
-    """Mean sensors, axes and motion of groups of pings: an even group has no middle ping."""
-    n = len(data.intensity) // group
+def _first_pings(n_pings: Sequence[int], group: int) -> IntArray:
+    """The first ping of every line: no line averages pings of two windows."""
+    ends = np.cumsum(n_pings)
+    return np.concatenate([end - n + group * np.arange(n // group) for n, end in zip(n_pings, ends, strict=True)])
+
+
+def _lines(data: WindowData, pings: IntArray) -> Beams:
+    """Mean sensors, axes and motion of groups of pings, one a row: an even group has no middle ping."""
     poses, sensors, advance, turn = (
-        a[: n * group].reshape(n, group, *a.shape[1:]).mean(axis=1)
-        for a in (data.T_submap_pings, data.sensors, data.advance, data.turn)
+        a[pings].mean(axis=1) for a in (data.T_submap_pings, data.sensors, data.advance, data.turn)
     )
     axes = poses[:, :3, :3] / np.linalg.norm(poses[:, :3, :3], axis=1, keepdims=True)
     side = np.stack([axes[:, :, 1], -axes[:, :, 1]], axis=1)
@@ -263,10 +297,10 @@ def _profile(mean: FloatArray, counts: FloatArray) -> FloatArray:
 
 
 @numba.njit(cache=True, nogil=True)
-def _multilook(intensity, spacing, blanking, group, width, sums, counts):  # type: ignore[no-untyped-def]
+def _multilook(intensity, spacing, blanking, first, group, width, sums, counts):  # type: ignore[no-untyped-def]
     """Share samples between the two nearest slant-range bins, as the forward model does; leave ringing out."""
     for line in range(sums.shape[0]):
-        for ping in range(line * group, (line + 1) * group):
+        for ping in range(first[line], first[line] + group):
             for side in range(2):
                 for k in range(intensity.shape[2]):
                     r = (k + 0.5) * spacing[ping]

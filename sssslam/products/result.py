@@ -44,6 +44,9 @@ class Result:
         What was chosen or found suspicious, a sentence each.
     counts : dict of str to int
         What else was counted, for ``run.json``.
+    patches : tuple of Submap
+        The map as it was made of all passes together, in frames of the corrected track; none where it is to be blended
+        of the submaps.
     """
 
     recording: Recording
@@ -57,6 +60,7 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
+    patches: tuple[Submap, ...] = ()
 
     def write(self, out: str | os.PathLike[str], metrics: "Sequence[Measured]" = ()) -> None:
         """Write every product of the run.

@@ -5,8 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import tomlkit
 
+from frontend.arrays import FloatArray
+from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 from sssslam.products.figure_tracks import draw_tracks
 from sssslam.products.figures import FIGURES, draw_figures
@@ -51,7 +54,7 @@ def write_products(result: "Result", out: str | os.PathLike[str], metrics: Seque
     ValueError
         If the folder cannot be made.
     """
-    seafloor = blend_submaps(result.submaps, result.T_world_submap)
+    seafloor = blend_submaps(*_parts_of_the_map(result))
     with staged(Path(out), OWNED, last="run.json") as stage:
         _write_tracks(result, stage)
         _write_submaps(result, stage)
@@ -136,6 +139,12 @@ def _write_submaps(result: "Result", stage: Path) -> None:
     (stage / "submaps").mkdir()
     for submap, T_world_submap in zip(result.submaps, result.T_world_submap, strict=True):
         (stage / "submaps" / f"{submap.number:04d}.ply").write_bytes(format_ply(submap, T_world_submap))
+
+
+def _parts_of_the_map(result: "Result") -> tuple[Sequence[Submap], FloatArray]:
+    if result.patches:
+        return result.patches, np.stack([patch.T_world_submap_dr for patch in result.patches])
+    return result.submaps, result.T_world_submap
 
 
 def _write_map(result: "Result", seafloor: SeafloorMap, stage: Path) -> None:

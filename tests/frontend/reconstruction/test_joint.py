@@ -1,6 +1,6 @@
 """Plane, ramp, mound and wall as the simulator sees them, which shares no renderer with the inversion."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from frontend.frames import transform
 from frontend.radiometry import Radiometry, RadiometryConfig, Seafloor
 from frontend.reconstruction import JointConfig, calibrate
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct
+from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct, reconstruct_together
 from frontend.reconstruction.priors import PriorConfig
 from frontend.reconstruction.roughness import RoughnessConfig
 from frontend.reconstruction.solver import SolverConfig
@@ -46,8 +46,11 @@ class Seen(NamedTuple):
         return (np.abs(self.submap.points[:, 1]) < across) & (np.abs(self.submap.points[:, 0]) < along)
 
 
-def sound(folder: Path, floor: Floor, **waves: float) -> Recording:
-    """One straight line of 70 m eastwards at z = -38, 12 m above the mean of a floor; 400 kHz, 50 m, single looks."""
+LINE = ((-35.0, 0.0, 35.0, 0.0),)
+
+
+def sound(folder: Path, floor: Floor, legs: Sequence[Sequence[float]] = LINE, **waves: float) -> Recording:
+    """Straight lines, or one of 70 m eastwards, at z = -38, 12 m above a floor; 400 kHz, 50 m, single looks."""
     axis = np.arange(-80.0, 80.5, 0.5)
     z = np.broadcast_to(floor(axis[None, :], axis[:, None]), (axis.size, axis.size))
     np.savez(folder / "floor.npz", z=z, spacing=0.5, origin=[-80.0, -80.0])
@@ -58,12 +61,13 @@ def sound(folder: Path, floor: Floor, **waves: float) -> Recording:
             "depth": 50.0,
             "layers": [{"kind": "grid", "file": str(folder / "floor.npz")}],
         },
-        "survey": {"pattern": "legs", "legs": [[-35.0, 0.0, 35.0, 0.0]]},
+        "survey": {"pattern": "legs", "legs": legs},
         "drift": {"grade": "none"},
         "sonar": {"range_max": 50.0, "ping_rate": 4.0, "n_sub_beams": 1, "motion": "stop-and-hop"},
         "vehicle": {
             "keeping": "depth",
             "depth": 38.0,
+            "turn_rate_deg": 15.0,
             "waves": {"roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0, "heave": 0.0, **waves},
         },
     }
@@ -173,6 +177,32 @@ def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
     rms = [float(np.sqrt(np.mean(seen.error[seen.inside(28.0)] ** 2))) for seen in (following, fixed)]
     assert rms[0] < 0.1 * 3.2  # of its height
     assert rms[0] < 0.5 * rms[1]
+
+
+def test_two_passes_together_know_a_hill_between_them_better_than_each_alone(
+    tmp_path: Path, radiometry: Radiometry
+) -> None:
+    """A hill between two opposing passes, each of which sees one flank well."""
+
+    def hill(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(-50.0 + 0.8 * np.exp(-((x / 9.0) ** 2 + (y / 6.0) ** 2)))
+
+    recording = sound(tmp_path, hill, legs=[[-35.0, -16.0, 35.0, -16.0], [35.0, 16.0, -35.0, 16.0]])
+    assert recording.truth is not None
+    track = recording.truth.trajectory
+    passes = [np.flatnonzero((np.abs(track.x) < 35.0) & (np.abs(track.y - y) < 0.5)) for y in (-16.0, 16.0)]
+    windows = [Window(k, int(p[0]), int(p[-1]) + 1, int(p[len(p) // 2])) for k, p in enumerate(passes)]
+    bottom = find_bottom(recording, BottomConfig())
+
+    def error(*seen: Window) -> float:
+        submap = reconstruct_together(recording, seen, bottom, replace(radiometry, seafloor=ROUGH), JOINT)
+        x, y, z = transform(submap.T_world_submap_dr, submap.points).T
+        on_hill = (np.abs(x) < 15.0) & (np.abs(y) < 10.0)
+        off = (z - hill(x, y))[on_hill]
+        return float(np.std(off))
+
+    alone = [error(window) for window in windows]
+    assert error(*windows) < 0.8 * min(alone)
 
 
 def test_a_wall_casts_a_shadow_and_what_lies_in_it_is_marked(tmp_path: Path, radiometry: Radiometry) -> None:

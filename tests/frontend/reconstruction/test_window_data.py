@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from frontend.bottom import Bottom
 from frontend.radiometry import Radiometry
-from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, raster_of, window_data
+from frontend.reconstruction.window_data import BinModel, WindowData, beams_and_bins, join, raster_of, window_data
 from frontend.recording import Quantity, Recording, SonarGeometry
 from frontend.trajectory import Trajectory
 from frontend.windows import Window
@@ -191,3 +191,27 @@ def test_the_silent_tail_says_nothing() -> None:
     assert np.isfinite(data.intensity[:, 0, :300]).all()
     assert np.isnan(data.intensity[:, 0, 300:]).all()
     assert np.isfinite(data.intensity[:, 1]).all()
+
+
+def test_joined_windows_lie_in_the_frame_of_the_first_as_they_lie_in_the_world() -> None:
+    recording = make_recording(yaw=0.7)
+    first, second = make_data(recording, Window(0, 0, 5, 2)), make_data(recording, Window(1, 5, 12, 8))
+    both = join([first, second])
+    assert both.n_pings == (5, 7)
+    np.testing.assert_array_equal(both.T_world_submap, first.T_world_submap)
+    in_world = np.concatenate([w.T_world_submap @ w.T_submap_pings for w in (first, second)])
+    np.testing.assert_allclose(both.T_world_submap @ both.T_submap_pings, in_world, atol=1e-12)
+    np.testing.assert_allclose(both.T_world_submap @ both.T_submap_pings, recording.trajectory_dr.poses, atol=1e-12)
+    np.testing.assert_array_equal(both.intensity, np.concatenate([first.intensity, second.intensity]))
+
+
+@given(st.integers(1, 12), st.integers(1, 11))
+def test_no_line_averages_pings_of_two_windows(group: int, cut: int) -> None:
+    recording = make_recording()
+    parts = [make_data(recording, Window(0, 0, cut, 0)), make_data(recording, Window(1, cut, N, cut))]
+    beams, bins = beams_and_bins(join(parts), 0.5, group, MODEL)
+    assert len(bins.intensity) == cut // group + (N - cut) // group
+    alone = [beams_and_bins(part, 0.5, group, MODEL)[0] for part in parts]
+    moved = [len(a.sensor) for a in alone]
+    np.testing.assert_allclose(beams.sensor[: moved[0]], alone[0].sensor, atol=1e-12)
+    np.testing.assert_allclose(np.diff(beams.sensor[moved[0] :], axis=0), np.diff(alone[1].sensor, axis=0), atol=1e-12)
