@@ -67,3 +67,19 @@ def reconstruct_patches(
     found = patches(recording.trajectory_dr, windows, float(recording.slant_range_max.max()), settings.most_pings)
     submaps = in_order(lambda passes: reconstruct_together(recording, passes, *known, joint), found)
     return [replace(next(submaps), number=number) for number in watch.track("map", range(len(found)))]
+
+
+def map_notes(submaps: Sequence[Submap]) -> tuple[str, ...]:
+    """How the map was made, where it was not blended.
+
+    Parameters
+    ----------
+    submaps : sequence of Submap
+        What `reconstruct_patches` gave.
+
+    Returns
+    -------
+    notes : tuple of str
+        A sentence, or none.
+    """
+    return (f"Map of {len(submaps)} patches, each one surface for all passes over it.",) if submaps else ()

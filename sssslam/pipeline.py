@@ -12,7 +12,7 @@ from sssslam.config import Config, resolve
 from sssslam.dead_reckoning import dead_reckon
 from sssslam.fixes import fixes_at_anchors
 from sssslam.graph import anchor_pings, make_graph, solve_at_fixes
-from sssslam.mapping import reconstruct_patches
+from sssslam.mapping import map_notes, reconstruct_patches
 from sssslam.overrides import Overrides, override, override_notes
 from sssslam.products.result import Result
 from sssslam.stages import (
@@ -88,7 +88,7 @@ def slam(
         tuple(closures),
         solution,
         watch.seconds,
-        (*said, *skipped.notes, *fixes.notes, *override_notes(found, closures, overrides)),
+        (*said, *skipped.notes, *fixes.notes, *override_notes(found, closures, overrides), *map_notes(patches)),
         {**skipped.counts, **fixes.counts},
         tuple(patches),
     )

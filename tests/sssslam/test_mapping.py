@@ -52,3 +52,4 @@ def test_the_map_of_a_run_is_that_of_its_patches(together: Result, tmp_path_fact
     written = read_run(out).seafloor
     np.testing.assert_allclose(written.z, of_patches.z, atol=1e-4)  # 32-bit floats
     assert together.timings["map"] > 0
+    assert f"Map of {len(frames)} patches, each one surface for all passes over it." in together.notes
