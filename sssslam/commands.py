@@ -262,10 +262,9 @@ def _read_truth(reference: Path) -> Truth:
     """A track from a TUM file, or the truth of a container; the content tells which."""
     from sssslam.products.tum import read_tum
     from sssslam.readers.netcdf import read_netcdf
+    from sssslam.readers.regular_files import read_head
 
-    with reference.open("rb") as file:
-        is_container = file.read(8) == b"\x89HDF\r\n\x1a\n"
-    if not is_container:
+    if read_head(reference, 8, "a TUM file or a recording with truth") != b"\x89HDF\r\n\x1a\n":
         return Truth(read_tum(reference))
     truth = read_netcdf(reference).truth
     if truth is None:

@@ -4,10 +4,12 @@ import csv
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from frontend.loop_closures import LoopClosure
+from sssslam.readers.regular_files import read_head
 
 Pair = tuple[int, int]  # submap numbers, the earlier first
 
@@ -66,6 +68,7 @@ def read_overrides(path: str | os.PathLike[str]) -> Overrides:
     ValueError
         If the file cannot be read, lacks a column, or a row is none of this or contradicts another.
     """
+    read_head(Path(path), 1, f"a table {','.join(_COLUMNS)}")
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:  # spreadsheets put a mark at the start
             rows = [[cell.strip() for cell in row] for row in csv.reader(file)]

@@ -16,6 +16,7 @@ from rasterio.transform import from_origin
 from frontend.arrays import FloatArray
 from frontend.georeference import Georeference
 from frontend.heightfield import Heightfield
+from sssslam.readers.regular_files import read_head
 
 
 def format_geotiff(
@@ -106,6 +107,7 @@ def read_terrain(path: str | os.PathLike[str], crs: CRS | None = None) -> Height
     ValueError
         If the file cannot be read, is no such grid, or lies in another coordinate reference system.
     """
+    read_head(Path(path), 1, "a terrain grid")
     if Path(path).suffix.lower() == ".npz":
         return _read_npz(path)
     bands, crs_terrain = read_geotiff(path)

@@ -171,6 +171,28 @@ def test_the_scenes_are_listed_a_line_each(shell: Shell) -> None:
     assert [line.split()[0] for line in output.splitlines()] == sssslam.simulation.scene_names()  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("option", [["--terrain"], ["--reference"]])
+def test_evaluating_against_a_pipe_that_never_ends_is_refused_at_once(
+    shell: Shell, tmp_path: Path, option: list[str]
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "ref.tum").write_text("0 0 0 0 0 0 0 1\n")
+    (tmp_path / "out" / "run.json").write_text("{}")
+    reference = [] if option == ["--reference"] else ["--reference", "ref.tum"]
+    status, _, errors = shell("evaluate", "out", *reference, *option, "pipe")
+    assert status == 1
+    assert is_one_line(errors)
+
+
+def test_decisions_from_a_pipe_are_refused_at_once(shell: Shell, dive: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    status, _, errors = shell("run", dive, "-o", "out", "--closures", "pipe")
+    assert status == 1
+    assert is_one_line(errors)
+    assert "no regular file; a table target,source,decision is wanted" in errors
+
+
 @pytest.mark.parametrize("reference", ["missing.tum", "text.tum", "folder"])
 def test_evaluating_nothing_is_one_line(shell: Shell, tmp_path: Path, reference: str) -> None:
     (tmp_path / "folder").mkdir()

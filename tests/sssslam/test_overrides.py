@@ -63,7 +63,7 @@ def test_columns_may_come_in_any_order(table):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "a header with target,source,decision once each is wanted, check target,source,decision"),
+        ("", "the file is empty; a table target,source,decision is wanted"),
         ("target,source\n0,5\n", "once each is wanted, check decision"),
         ("target;source;decision\n0;5;accept\n", "a header with target,source,decision once each"),
         ("target,source,decision,decision\n", "once each is wanted, check decision"),
