@@ -14,8 +14,7 @@ from scipy.special import chdtri
 from backend.arrays import FloatArray
 from backend.beliefs import Offer, start_poses
 from backend.consistency import is_enough
-from backend.factors import between_factors
-from backend.optimiser import improve
+from backend.gauss_newton import rough_minimum
 from backend.poses import RelativePose, adjoint, invert, logarithm, sandwich, tangent_covariance
 from backend.problem import Belief
 
@@ -135,7 +134,7 @@ def believe_inside_gates(offer: Offer) -> Belief:
     chosen, T = np.array(sorted(believed), dtype=np.int64), start_poses(problem)
     if not chosen.size or not is_enough(problem.compared(T, chosen), config):
         return Belief(chosen[:0], 1.0, T)
-    return Belief(chosen, 1.0, improve([*problem.known_factors(1.0), *between_factors(problem.chosen(chosen))], T))
+    return Belief(chosen, 1.0, rough_minimum(problem.least_squares(1.0, chosen), T))
 
 
 def _arrival(closure: RelativePose) -> tuple[int, int]:

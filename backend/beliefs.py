@@ -7,8 +7,7 @@ import numpy as np
 
 from backend.arrays import FloatArray, IntArray
 from backend.consistency import ConsistencyConfig, ConsistentSet, consistent_closures, reconsidered
-from backend.factors import between_factors
-from backend.optimiser import improve, optimise
+from backend.gauss_newton import minimum, rough_minimum
 from backend.problem import Belief, Problem
 
 _SETTLED = 0.01  # share of a set that may still change: the graph has the last word
@@ -89,10 +88,11 @@ def start_poses(problem: Problem) -> FloatArray:
     """
     if not problem.fixes:
         return problem.T_world_anchor_dr
-    return optimise(problem.known_factors(1.0), problem.T_world_anchor_dr)
+    none = np.zeros(0, dtype=np.int64)
+    return minimum(problem.least_squares(1.0, none), problem.T_world_anchor_dr)
 
 
 def _solved(offer: Offer, consistent: ConsistentSet, T: FloatArray) -> FloatArray:
     """Least squares over the odometry and the closures that agree."""
-    members = offer.problem.chosen(offer.closures[consistent.is_member])
-    return improve([*offer.problem.known_factors(consistent.odometry_scale), *between_factors(members)], T)
+    members = offer.closures[consistent.is_member]
+    return rough_minimum(offer.problem.least_squares(consistent.odometry_scale, members), T)

@@ -18,7 +18,7 @@ class _Step:
     foretold: float
 
 
-def descend(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values, share: float) -> gtsam.Values:
+def descend(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
     """Go down until the linear model says that next to nothing is left to gain.
 
     Parameters
@@ -27,13 +27,11 @@ def descend(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values, share: float
         What is minimised: half the sum of squared normalised residuals.
     start : gtsam.Values
         Where to start.
-    share : float
-        The last step may gain up to this share of the error [1]; zero goes to the minimum.
 
     Returns
     -------
     values : gtsam.Values
-        The minimum, or near it.
+        The minimum.
 
     Notes
     -----
@@ -45,7 +43,7 @@ def descend(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values, share: float
         step = _step(graph, values, ordering, error)
         if step is None:
             break
-        is_settled = step.foretold <= max(_SETTLED, share * step.error)
+        is_settled = step.foretold <= _SETTLED
         if step.error <= error:
             values, error = step.values, step.error
         elif not is_settled:
@@ -55,30 +53,6 @@ def descend(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values, share: float
     params = gtsam.LevenbergMarquardtParams()
     params.setRelativeErrorTol(_RELATIVE_TOLERANCE)
     return gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-
-
-def descend_once(graph: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
-    """Go one step down.
-
-    Parameters
-    ----------
-    graph : gtsam.NonlinearFactorGraph
-        What is minimised.
-    start : gtsam.Values
-        Where to start.
-
-    Returns
-    -------
-    values : gtsam.Values
-        After a step of Gauss and Newton, or a damped one if that went uphill.
-    """
-    error = graph.error(start)
-    step = _step(graph, start, gtsam.Ordering.ColamdNonlinearFactorGraph(graph), error)
-    if step is not None and step.error <= error:
-        return step.values
-    params = gtsam.LevenbergMarquardtParams()
-    params.setMaxIterations(1)
-    return gtsam.LevenbergMarquardtOptimizer(graph, start, params).optimize()
 
 
 def _step(

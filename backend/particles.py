@@ -15,9 +15,8 @@ from backend.arrays import BoolArray, FloatArray, IntArray
 from backend.beliefs import Offer, start_poses
 from backend.consistency import group_closures, is_enough
 from backend.evidence import log_gate, log_normal
-from backend.factors import between_factors
+from backend.gauss_newton import rough_minimum
 from backend.innovations import Innovations
-from backend.optimiser import improve
 from backend.problem import Belief
 
 
@@ -95,8 +94,7 @@ def believe_best_particle(offer: Offer, config: ParticleConfig | None = None) ->
     if not chosen.size or not is_enough(compared[chosen], offer.consistency):
         return Belief(offer.closures[:0], 1.0, T)
     believed = offer.closures[chosen]
-    known = problem.known_factors(best.scale)
-    return Belief(believed, best.scale, improve([*known, *between_factors(problem.chosen(believed))], T))
+    return Belief(believed, best.scale, rough_minimum(problem.least_squares(best.scale, believed), T))
 
 
 def _filtered(closures: Innovations, offer: Offer, config: ParticleConfig) -> _Particle:

@@ -10,8 +10,10 @@ import numpy as np
 from backend.arrays import FloatArray, IntArray
 from backend.factors import PositionFix, UnaryKnowledge, between_factors, first_pose_factor, fix_factor, unary_factors
 from backend.innovations import Innovations, innovations
+from backend.least_squares import LeastSquares
 from backend.poses import RelativePose
 from backend.stacks import RelativeStack, stacked
+from backend.terms import RelativeTerms, UnaryTerms, first_term, joined, relative_terms, unary_terms
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,24 @@ class Problem:
         unary = [factor for known in self.unary for factor in unary_factors(T[known.anchor], known)]
         return [first_pose_factor(T[0], self.first_pose_sigmas), *unary, *(fix_factor(fix) for fix in self.fixes)]
 
+    def least_squares(self, scale: float, closures: IntArray) -> LeastSquares:
+        """Sum the squares of all that is known and of some closures.
+
+        Parameters
+        ----------
+        scale : float
+            Standard deviations of the odometry are taken this much larger.
+        closures : ndarray of int, shape (K,)
+            Positions of the closures; their terms come last, in this order.
+
+        Returns
+        -------
+        least_squares : LeastSquares
+            The same squares as those of `known_factors` and the closures' factors.
+        """
+        parts = [self._first_term, self._odometry_terms.weighted(scale**-2), self._closure_terms[closures]]
+        return LeastSquares(len(self.T_world_anchor_dr), joined(parts), self._unary_terms)
+
     def stretched(self, scale: float) -> list[RelativePose]:
         """Odometry with larger standard deviations.
 
@@ -94,6 +114,26 @@ class Problem:
     def _closure_stack(self) -> RelativeStack:
         """Closures as arrays."""
         return stacked(self.closures)
+
+    @cached_property
+    def _first_term(self) -> RelativeTerms:
+        """The first pose."""
+        return first_term(self.T_world_anchor_dr[0], self.first_pose_sigmas)
+
+    @cached_property
+    def _odometry_terms(self) -> RelativeTerms:
+        """Odometry as squares."""
+        return relative_terms(self._odometry_stack)
+
+    @cached_property
+    def _closure_terms(self) -> RelativeTerms:
+        """Closures as squares."""
+        return relative_terms(self._closure_stack)
+
+    @cached_property
+    def _unary_terms(self) -> UnaryTerms:
+        """Depths, tilts and fixes as squares."""
+        return unary_terms(self.T_world_anchor_dr, self.unary, self.fixes)
 
     def compared(self, T_world_anchor: FloatArray, closures: IntArray | slice = slice(None)) -> Innovations:
         """Compare closures with dead reckoning.

@@ -10,10 +10,10 @@ from backend.arrays import FloatArray, IntArray
 from backend.beliefs import Chooser, Offer, start_poses
 from backend.consistency import ConsistencyConfig, is_enough
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement, harmful_closures
-from backend.factors import between_factors
 from backend.fixes import harmful_fixes
 from backend.g2o import g2o_text
-from backend.optimiser import half_squared_error, marginal_covariances, optimise, truncated_weights
+from backend.gauss_newton import covariances, minimum
+from backend.graduated import truncated_weights
 from backend.problem import Belief, Estimate, Problem
 from backend.solution import INLIER_WEIGHT, PoseGraphSolution, Withdrawal
 
@@ -79,17 +79,17 @@ def _solved(problem: Problem, rules: Rules, withdrawn: dict[int, str]) -> PoseGr
     offered = np.setdiff1d(np.arange(len(problem.closures)), list(withdrawn)).astype(np.int64)
     # which closures agree, and how far dead reckoning must be stretched for it
     belief = rules.choose(Offer(problem, offered, rules.consistency, rules.rng))
-    known = problem.known_factors(belief.odometry_scale)
-    believed, T = belief.believed, belief.T_world_anchor
+    believed, T, scale = belief.believed, belief.T_world_anchor, belief.odometry_scale
     while True:
         # which of them the whole graph bears out, if they are enough
-        weights, T = truncated_weights(known, problem.chosen(believed), T, rules.inlier_probability)
+        doubtful = problem.least_squares(scale, believed)
+        weights, T = truncated_weights(doubtful, believed.size, T, rules.inlier_probability)
         holding = believed[weights > INLIER_WEIGHT]
         if not holding.size or not is_enough(problem.compared(T, holding), rules.consistency):
             return _solution(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
         # least squares over what holds, and whether it does harm
-        T = optimise([*known, *between_factors(problem.chosen(holding))], T)
-        estimate = Estimate(T, holding, belief.odometry_scale)
+        T = minimum(problem.least_squares(scale, holding), T)
+        estimate = Estimate(T, holding, scale)
         harmful = harmful_closures(estimate, problem, rules.agreement, rules.do_no_harm)
         if not harmful:
             return _solution(problem, estimate, _reasons(problem, belief, holding, withdrawn))
@@ -105,17 +105,17 @@ def _without_closures(problem: Problem) -> Estimate:
 def _solution(problem: Problem, estimate: Estimate, reasons: tuple[str, ...]) -> PoseGraphSolution:
     """The estimate with its covariances and all that is reported."""
     closures, T, scale = problem.chosen(estimate.holding), estimate.T_world_anchor, estimate.odometry_scale
-    factors = [*problem.known_factors(scale), *between_factors(closures)]
+    least_squares = problem.least_squares(scale, estimate.holding)
     weights: FloatArray = np.zeros(len(problem.closures))
     weights[estimate.holding] = 1.0
     return PoseGraphSolution(
         T_world_anchor=T,
-        covariances=marginal_covariances(factors, T),
+        covariances=covariances(least_squares, T),
         closure_weights=weights,
         reasons=reasons,
         odometry_scale=scale,
-        error_before=half_squared_error(factors, problem.T_world_anchor_dr),
-        error_after=half_squared_error(factors, T),
+        error_before=least_squares.error(problem.T_world_anchor_dr),
+        error_after=least_squares.error(T),
         g2o=g2o_text(T, [*problem.stretched(scale), *closures]),
     )
 

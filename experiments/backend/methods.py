@@ -11,7 +11,8 @@ from scipy.special import chdtri
 from backend.arrays import FloatArray, IntArray
 from backend.cliques import CliqueSearch
 from backend.factors import between_factors, graph_of, pose_values, poses_of
-from backend.optimiser import optimise, truncated_weights
+from backend.gauss_newton import minimum
+from backend.graduated import truncated_weights
 from backend.pose_graph import PoseGraph, PoseGraphConfig
 from backend.poses import RelativePose
 from backend.solution import INLIER_WEIGHT
@@ -47,8 +48,8 @@ def make_graph(survey: Survey, closures: list[RelativePose], config: PoseGraphCo
 
 def least_squares(survey: Survey, closures: list[RelativePose]) -> Result:
     """Levenberg-Marquardt over everything."""
-    known = make_graph(survey, closures).problem().known_factors(1.0)
-    return Result(optimise([*known, *between_factors(closures)], survey.T_dr), None)
+    problem, every = make_graph(survey, closures).problem(), np.arange(len(closures))
+    return Result(minimum(problem.least_squares(1.0, every), survey.T_dr), None)
 
 
 def robust(kernel: gtsam.noiseModel.mEstimator.Base) -> Method:
@@ -88,11 +89,10 @@ def library(method: str) -> Method:
 
 
 def _graduated(survey: Survey, closures: list[RelativePose], members: IntArray) -> Result:
-    known = make_graph(survey, closures).problem().known_factors(1.0)
-    offered = [closures[k] for k in members]
-    weights, T = truncated_weights(known, offered, survey.T_dr, 0.9999)
+    problem = make_graph(survey, closures).problem()
+    weights, T = truncated_weights(problem.least_squares(1.0, members), members.size, survey.T_dr, 0.9999)
     holding = members[weights > INLIER_WEIGHT]
-    return Result(optimise([*known, *between_factors([closures[k] for k in holding])], T), holding)
+    return Result(minimum(problem.least_squares(1.0, holding), T), holding)
 
 
 METHODS: dict[str, Method] = {

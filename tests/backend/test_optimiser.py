@@ -2,9 +2,7 @@ import gtsam
 import numpy as np
 import pytest
 
-from backend.factors import between_factors, graph_of, pose_values
-from backend.optimiser import half_squared_error, marginal_covariances, optimise, truncated_weights
-from backend.poses import RelativePose
+from backend.optimiser import half_squared_error, marginal_covariances, optimise
 
 
 def at(x):
@@ -17,10 +15,6 @@ def between(first, second, x, sigma=0.1):
     return gtsam.BetweenFactorPose3(first, second, gtsam.Pose3(at(x)), gtsam.noiseModel.Isotropic.Sigma(6, sigma))
 
 
-def measured(first, second, x, sigma=0.1):
-    return RelativePose(first, second, at(x), np.diag(np.full(6, sigma**2)))
-
-
 @pytest.fixture
 def known():
     """Four anchors a metre apart, the first of them held."""
@@ -29,20 +23,6 @@ def known():
 
 
 START = np.stack([at(float(k)) for k in range(4)])
-
-
-def test_a_wrong_factor_weighs_nothing_and_right_ones_all(known):
-    doubtful = [measured(0, 3, 3.1), measured(1, 3, -5.0), measured(0, 2, 1.9)]
-    weights, T = truncated_weights(known, doubtful, START, 0.9999)
-    np.testing.assert_allclose(weights, [1.0, 0.0, 1.0])
-    right = [between(0, 3, 3.1), between(0, 2, 1.9)]
-    np.testing.assert_allclose(T, optimise([*known, *right], START), atol=1e-4)  # it stops before the last digit
-
-
-def test_without_doubt_there_are_no_weights(known):
-    weights, T = truncated_weights(known, [], START, 0.9999)
-    assert weights.shape == (0,)
-    np.testing.assert_allclose(T, START, atol=1e-12)
 
 
 def test_least_squares_shares_a_disagreement_by_the_variances(known):
@@ -65,18 +45,3 @@ def test_where_it_starts_is_not_changed(known):
     start = START.copy()
     optimise([*known, between(0, 3, 3.4)], start)
     assert np.array_equal(start, START)
-
-
-def test_weights_are_those_of_gtsams_graduated_non_convexity(known):
-    rng = np.random.default_rng(0)
-    ends = [(0, 2), (1, 3), (0, 3), (2, 0), (3, 1), (3, 0)]
-    doubtful = [measured(a, b, b - a + rng.normal(0, 0.1) + 3.0 * (k % 3 == 1)) for k, (a, b) in enumerate(ends)]
-    params = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
-    params.setLossType(gtsam.GncLossType.TLS)
-    params.setKnownInliers(list(range(len(known))))
-    judge = gtsam.GncLMOptimizer(graph_of([*known, *between_factors(doubtful)]), pose_values(START), params)
-    judge.setInlierCostThresholdsAtProbability(0.9999)
-    judge.optimize()
-    weights, _ = truncated_weights(known, doubtful, START, 0.9999)
-    np.testing.assert_allclose(weights, np.asarray(judge.getWeights())[len(known) :], atol=1e-6)
-    assert weights.tolist() == [1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
