@@ -24,7 +24,7 @@ from backend.arrays import BoolArray, IntArray
 from backend.evidence import without_losers
 from backend.hypotheses import best_hypothesis, fitted_scale, with_agreeing
 from backend.innovations import Innovations
-from backend.votes import ConsistencyConfig, count_votes, group_closures
+from backend.votes import ConsistencyConfig, count_votes, group_closures, stretch_of, suit_overlap
 
 __all__ = [
     "ConsistencyConfig",
@@ -34,6 +34,7 @@ __all__ = [
     "group_closures",
     "is_enough",
     "reconsidered",
+    "suit_overlap",
 ]
 
 _DIMENSIONS = 3  # yaw, x, y
@@ -130,7 +131,7 @@ def reconsidered(closures: Innovations, consistent: ConsistentSet, config: Consi
 
 def _judged_by(closures: Innovations, members: IntArray, scale: float, config: ConsistencyConfig) -> BoolArray:
     """What is left of some members when they judge each other, and of all others when those judge them."""
-    group = group_closures(closures.first, closures.last, config.stretch)
+    group = group_closures(closures.first, closures.last, stretch_of(config))
     more, least = with_agreeing(closures, members, scale, config.false_cost)
     least = least[np.isin(more, members)]
     kept = members[without_losers(closures[members], group[members], scale, least)]

@@ -11,7 +11,7 @@ from backend.credibility import is_credible
 from backend.evidence import least_gains, log_evidence, surpluses, without_losers
 from backend.growth import grown_sets
 from backend.innovations import Innovations
-from backend.votes import ConsistencyConfig, count_votes, founders, group_closures, scales_of
+from backend.votes import ConsistencyConfig, count_votes, founders, group_closures, scales_of, stretch_of
 
 _DIMENSIONS = 3  # yaw, x, y
 _N_GROWN = 3  # sets at each scale that may be the best of all
@@ -65,7 +65,7 @@ def refined(closures: Innovations, start: IntArray, scale: float, config: Consis
     members : ndarray of int, shape (M,)
         The set after that; empty where nothing in it holds.
     """
-    group, members = group_closures(closures.first, closures.last, config.stretch), start
+    group, members = group_closures(closures.first, closures.last, stretch_of(config)), start
     members = start[without_losers(closures[start], group[start], scale)]
     for _ in range(_MAX_ROUNDS):
         if not members.size:
@@ -159,7 +159,7 @@ def _hypotheses(closures: Innovations, config: ConsistencyConfig) -> Iterator[tu
 
 def _starts(closures: Innovations, config: ConsistencyConfig) -> Iterator[tuple[IntArray, float]]:
     """Sets to begin with: grown ones, and what holds of the largest clique."""
-    group = group_closures(closures.first, closures.last, config.stretch)
+    group = group_closures(closures.first, closures.last, stretch_of(config))
     for scale in scales_of(config):
         clique = _largest_clique(closures, group, scale, config)
         first = clique[np.sort(np.unique(group[clique], return_index=True)[1])]

@@ -18,6 +18,7 @@ from backend.evidence import log_gate, log_normal
 from backend.gauss_newton import rough_minimum
 from backend.innovations import Innovations
 from backend.problem import Belief
+from backend.votes import stretch_of
 
 
 class ParticleConfig(BaseModel):
@@ -102,7 +103,7 @@ def _filtered(closures: Innovations, offer: Offer, config: ParticleConfig) -> _P
     scales = np.geomspace(1.0, offer.consistency.max_odometry_scale, config.n_particles)
     particles = [_Particle(float(scale), -0.5 * float(np.log2(scale)) ** 2) for scale in scales]
     log_prior = float(np.log(config.prior_true) - np.log1p(-config.prior_true))
-    group = group_closures(closures.first, closures.last, offer.consistency.stretch)
+    group = group_closures(closures.first, closures.last, stretch_of(offer.consistency))
     worth = np.where(_is_founder(group), 1.0, offer.consistency.repeat_vote)
     log_false = log_gate(closures, 1.0)
     for closure in np.argsort(-log_false, kind="stable").tolist():

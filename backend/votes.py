@@ -1,11 +1,15 @@
 """Votes: which loop closures are independent witnesses, and how many of them it takes."""
 
+from math import ceil
+
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from backend.arrays import IntArray
 from backend.innovations import Innovations
 
+_WINDOWS_A_STRETCH = 2.0  # nearer, submaps were compared with much the same surroundings
+_USUAL_OVERLAP = 0.5  # of windows of which nothing is known
 _SCALE_STEP = np.sqrt(2.0)  # from one scale of the odometry to the next; finer than any few closures can tell
 
 
@@ -20,10 +24,11 @@ class ConsistencyConfig(BaseModel):
         lt=1,
         description="Share of pairs of true closures [1] that pass as consistent; high, as one failure splits a set.",
     )
-    stretch: int = Field(
-        default=4,
+    stretch: int | None = Field(
+        default=None,
         ge=1,
-        description="Closures nearer at both ends [anchors] share a vote and maybe an error; two window lengths.",
+        description="Closures nearer at both ends [anchors] share a vote and maybe an error; unset: two window "
+        "lengths, 4 anchors where windows overlap by half and 10 where by 0.8.",
     )
     repeat_vote: float = Field(
         default=0.1,
@@ -83,6 +88,31 @@ class ConsistencyConfig(BaseModel):
     )
 
 
+def suit_overlap(config: ConsistencyConfig, overlap: float) -> ConsistencyConfig:
+    """Choose how many anchors apart closures have a vote of their own.
+
+    Parameters
+    ----------
+    config : ConsistencyConfig
+        Which sets are believed; a stretch that is set is kept.
+    overlap : float
+        Share of a window that the next one repeats [1].
+
+    Returns
+    -------
+    config : ConsistencyConfig
+        With the stretch of two window lengths: there are ``1 / (1 - overlap)`` anchors in one.
+
+    Examples
+    --------
+    >>> [suit_overlap(ConsistencyConfig(), overlap).stretch for overlap in (0.0, 0.5, 0.8)]
+    [2, 4, 10]
+    """
+    if config.stretch is not None:
+        return config
+    return config.model_copy(update={"stretch": ceil(_WINDOWS_A_STRETCH / (1.0 - overlap) - 1e-9)})
+
+
 def group_closures(first: IntArray, last: IntArray, stretch: int) -> IntArray:
     """Group closures between the same two stretches of the track.
 
@@ -106,6 +136,24 @@ def group_closures(first: IntArray, last: IntArray, stretch: int) -> IntArray:
             group[is_near & (group < 0)] = n_groups
             n_groups += 1
     return group
+
+
+def stretch_of(config: ConsistencyConfig) -> int:
+    """How many anchors apart closures have a vote of their own.
+
+    Parameters
+    ----------
+    config : ConsistencyConfig
+        Which closures share a vote.
+
+    Returns
+    -------
+    stretch : int
+        As set; else that of windows that overlap by half.
+    """
+    stretch = suit_overlap(config, _USUAL_OVERLAP).stretch
+    assert stretch is not None
+    return stretch
 
 
 def count_votes(members: Innovations, config: ConsistencyConfig) -> int:
@@ -141,7 +189,7 @@ def founders(members: Innovations, config: ConsistencyConfig) -> IntArray:
     founders : ndarray of int, shape (V,)
         Positions of the first of each group, ascending.
     """
-    return np.sort(np.unique(group_closures(members.first, members.last, config.stretch), return_index=True)[1])
+    return np.sort(np.unique(group_closures(members.first, members.last, stretch_of(config)), return_index=True)[1])
 
 
 def scales_of(config: ConsistencyConfig) -> list[float]:

@@ -9,7 +9,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from backend.consistency import ConsistencyConfig
+from backend.consistency import ConsistencyConfig, suit_overlap
 from backend.dead_reckoning import DeadReckoningConfig
 from backend.do_no_harm import DoNoHarmConfig
 from backend.pose_graph import PoseGraphConfig
@@ -82,8 +82,8 @@ def resolve(config: Config, recording: Recording) -> Config:
     config : Config
         A configuration with open keys.
     recording : Recording
-        The dive: its range says how large a cell is, its range and its track how long a window, its sensors how much
-        the track drifts.
+        The dive: its range says how large a cell is, its range and its track how long a window, that how far apart
+        closures have votes of their own, its sensors how much the track drifts.
 
     Returns
     -------
@@ -116,7 +116,10 @@ def resolve_pings(config: Config, recording: Recording) -> Config:
     methods = {name: method.model_copy(update={"spacing": cells[name]}) for name, method in methods.items()}
     reconstruction = config.reconstruction.model_copy(update=methods)
     drift = suit_sensors(config.dead_reckoning, recording)
-    return config.model_copy(update={"windows": windows, "reconstruction": reconstruction, "dead_reckoning": drift})
+    assert windows.overlap is not None
+    consistency = suit_overlap(config.consistency, windows.overlap)
+    suited = {"reconstruction": reconstruction, "dead_reckoning": drift, "consistency": consistency}
+    return config.model_copy(update={"windows": windows, **suited})
 
 
 def default_toml() -> str:

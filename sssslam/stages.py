@@ -265,6 +265,7 @@ def notes(recording: Recording, bottom: Bottom, radiometry: Radiometry, config: 
     chosen = [
         f"Windows of {size}{cut} that overlap by {windows.overlap:.0%}, cells of {spacing:.2g} m: from a slant range "
         f"of {recording.slant_range_max.max():.0f} m{_short_track(recording, windows)}.",
+        f"Loop closures fewer than {config.consistency.stretch} windows apart at both ends share a vote.",
         radiometry.words,
     ]
     if config.reconstruction.method == "joint":

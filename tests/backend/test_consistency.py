@@ -4,7 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from backend.consistency import ConsistencyConfig, consistent_closures, count_votes, group_closures, reconsidered
+from backend.consistency import (
+    ConsistencyConfig,
+    consistent_closures,
+    count_votes,
+    group_closures,
+    reconsidered,
+    suit_overlap,
+)
 from backend.innovations import Innovations, innovations
 from backend.stacks import stacked
 
@@ -157,6 +164,15 @@ def test_members_of_a_group_lie_near_its_founder_and_founders_apart(ends, stretc
     for a in founders.values():
         for b in founders.values():
             assert a == b or abs(first[a] - first[b]) >= stretch or abs(last[a] - last[b]) >= stretch
+
+
+@given(st.floats(0.0, 0.95))
+def test_closures_share_a_vote_within_two_window_lengths(overlap):
+    stretch = suit_overlap(ConsistencyConfig(), overlap).stretch
+    apart = 1.0 - overlap  # window lengths from one anchor to the next
+    assert stretch * apart + 1e-6 >= 2.0
+    assert (stretch - 1) * apart < 2.0
+    assert suit_overlap(ConsistencyConfig(stretch=7), overlap).stretch == 7
 
 
 def test_a_larger_stretch_makes_fewer_groups():

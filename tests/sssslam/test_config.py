@@ -147,6 +147,12 @@ def test_resolving_keeps_what_is_set_and_is_done_once() -> None:
     assert resolve(resolved, recording(200.0)) == resolved
 
 
+@pytest.mark.parametrize(("setting", "stretch"), [("windows.overlap=0.75", 8), ("consistency.stretch=3", 3)])
+def test_how_far_apart_closures_vote_follows_the_overlap_of_windows(setting: str, stretch: int) -> None:
+    assert resolve(Config(), recording(55.0)).consistency.stretch == 4
+    assert resolve(load_config(settings=[setting]), recording(55.0)).consistency.stretch == stretch
+
+
 def turning_back(slant_range: float) -> Recording:
     """A dive of 120 m that turns by one and a half circles, its speed from a log through the water."""
     n, dive = 400, FlatFloor(np.full(400, 2.0), n_samples=round(slant_range / 0.05)).record(np.random.default_rng(1))
@@ -161,6 +167,7 @@ def test_resolving_a_dive_fills_in_what_its_track_and_its_sensors_ask_for() -> N
     resolved = resolve(Config(), dive)
     assert resolved.windows.length == pytest.approx(dive.trajectory_dr.distance[-1] / 9)
     assert (resolved.windows.overlap, resolved.dead_reckoning.velocity_scale_sd) == (0.8, 0.1)
+    assert resolved.consistency.stretch == 10  # two window lengths
     assert resolve(resolved, turning_back(30.0)) == resolved
 
 

@@ -43,3 +43,8 @@ def test_the_windows_of_a_dive_that_goes_on_come_from_the_range(dive):
     note = said(dive, resolve_pings(load_config(settings=[METHOD]), dive))
     assert note.startswith("Windows of 45 m that overlap by 50%")
     assert note.endswith("from a slant range of 30 m.")
+
+
+def test_how_far_apart_loop_closures_vote_is_said(dive):
+    config = resolve(load_config(settings=[METHOD]), dive)
+    assert "Loop closures fewer than 10 windows apart at both ends share a vote." in notes(dive, *KNOWN, config)
