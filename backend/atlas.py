@@ -12,9 +12,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from backend.arrays import FloatArray
-from backend.beliefs import Offer, start_poses
-from backend.consistency import is_enough
-from backend.gauss_newton import rough_minimum
+from backend.beliefs import Offer, believed_set, start_poses
+from backend.consistency import credible_set
 from backend.poses import RelativePose, adjoint, invert, logarithm, sandwich, tangent_covariance
 from backend.problem import Belief
 
@@ -121,7 +120,7 @@ def believe_inside_gates(offer: Offer) -> Belief:
     Returns
     -------
     belief : Belief
-        Those inside; dead reckoning is taken to be as good as its model.
+        Those inside, if they are credible; dead reckoning is taken to be as good as its model.
     """
     problem, config, believed = offer.problem, offer.consistency, []
     atlas = Atlas(len(problem.T_world_anchor_dr), problem.odometry)
@@ -131,10 +130,8 @@ def believe_inside_gates(offer: Offer) -> Belief:
         if atlas.squared_distance(closure) < gate:
             atlas.add(closure)
             believed.append(position)
-    chosen, T = np.array(sorted(believed), dtype=np.int64), start_poses(problem)
-    if not chosen.size or not is_enough(problem.compared(T, chosen), config):
-        return Belief(chosen[:0], 1.0, T)
-    return Belief(chosen, 1.0, rough_minimum(problem.least_squares(1.0, chosen), T))
+    T, inside = start_poses(problem), np.flatnonzero(np.isin(offer.closures, believed))
+    return believed_set(offer, credible_set(problem.compared(T, offer.closures), inside, 1.0, config), T)
 
 
 def _arrival(closure: RelativePose) -> tuple[int, int]:

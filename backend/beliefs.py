@@ -73,6 +73,27 @@ def believe_consistent(offer: Offer) -> Belief:
     return Belief(offer.closures[consistent.is_member], consistent.odometry_scale, T)
 
 
+def believed_set(offer: Offer, consistent: ConsistentSet, T_start: FloatArray) -> Belief:
+    """Believe a set, with poses near the solution that it gives.
+
+    Parameters
+    ----------
+    offer : Offer
+        The graph and the closures to choose from.
+    consistent : ConsistentSet
+        Which of them are believed.
+    T_start : ndarray, shape (S, 4, 4)
+        Poses without any closure.
+
+    Returns
+    -------
+    belief : Belief
+        The set; with these very poses where it is empty.
+    """
+    T = _solved(offer, consistent, T_start) if consistent.is_member.any() else T_start
+    return Belief(offer.closures[consistent.is_member], consistent.odometry_scale, T)
+
+
 def start_poses(problem: Problem) -> FloatArray:
     """Poses without any closure.
 

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from backend.arrays import BoolArray, IntArray
+from backend.credibility import is_credible
 from backend.evidence import without_losers
 from backend.hypotheses import best_hypothesis, fitted_scale, with_agreeing
 from backend.innovations import Innovations
@@ -31,6 +32,7 @@ __all__ = [
     "ConsistentSet",
     "consistent_closures",
     "count_votes",
+    "credible_set",
     "group_closures",
     "is_enough",
     "reconsidered",
@@ -83,6 +85,37 @@ def consistent_closures(closures: Innovations, config: ConsistencyConfig | None 
         found, _ = with_agreeing(ordered, found, scale, config.false_cost)
     is_member[order[found]] = True
     return ConsistentSet(is_member, scale)
+
+
+def credible_set(closures: Innovations, members: IntArray, scale: float, config: ConsistencyConfig) -> ConsistentSet:
+    """Believe a set, however it was chosen, only where false closures would not agree as well.
+
+    Parameters
+    ----------
+    closures : Innovations
+        All closures, C of them.
+    members : ndarray of int, shape (K,)
+        The set.
+    scale : float
+        Dead reckoning is taken for this much worse than said.
+    config : ConsistencyConfig
+        Which sets are believed.
+
+    Returns
+    -------
+    consistent : ConsistentSet
+        The set at that scale; else those that are believed alone, if any.
+    """
+    is_member, order = np.zeros(len(closures), dtype=bool), np.lexsort((closures.last, closures.first))
+    thinned = order[_thin(len(closures), config.max_closures)]
+    among, few = np.flatnonzero(np.isin(thinned, members)), closures[thinned]
+    # judged at the scale that explains the set best: whoever chose it may have drawn another, or asked for none
+    is_agreed = count_votes(few[among], config) >= config.min_votes
+    if is_agreed and is_credible(few, among, fitted_scale(few[among], config), config):
+        is_member[members] = True
+        return ConsistentSet(is_member, scale)
+    is_member[order] = _lone(closures[order], config)
+    return ConsistentSet(is_member, 1.0)
 
 
 def is_enough(members: Innovations, config: ConsistencyConfig) -> bool:

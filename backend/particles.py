@@ -12,10 +12,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from backend.arrays import BoolArray, FloatArray, IntArray
-from backend.beliefs import Offer, start_poses
-from backend.consistency import group_closures, is_enough
+from backend.beliefs import Offer, believed_set, start_poses
+from backend.consistency import credible_set, group_closures
 from backend.evidence import log_gate, log_normal
-from backend.gauss_newton import rough_minimum
 from backend.innovations import Innovations
 from backend.problem import Belief
 from backend.votes import stretch_of
@@ -85,17 +84,14 @@ def believe_best_particle(offer: Offer, config: ParticleConfig | None = None) ->
     Returns
     -------
     belief : Belief
-        The closures that the heaviest hypothesis takes for true, if they are enough.
+        The closures that the heaviest hypothesis takes for true, if they are enough and credible.
     """
     config, problem = config or ParticleConfig(), offer.problem
     T = start_poses(problem)
     compared = problem.compared(T, offer.closures)
     best = _filtered(compared, offer, config)
-    chosen = np.sort(np.array(best.members, dtype=np.int64))
-    if not chosen.size or not is_enough(compared[chosen], offer.consistency):
-        return Belief(offer.closures[:0], 1.0, T)
-    believed = offer.closures[chosen]
-    return Belief(believed, best.scale, rough_minimum(problem.least_squares(best.scale, believed), T))
+    members = np.sort(np.array(best.members, dtype=np.int64))
+    return believed_set(offer, credible_set(compared, members, best.scale, offer.consistency), T)
 
 
 def _filtered(closures: Innovations, offer: Offer, config: ParticleConfig) -> _Particle:

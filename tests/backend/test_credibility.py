@@ -1,10 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from backend.consistency import ConsistencyConfig, consistent_closures
+from backend.consistency import ConsistencyConfig, consistent_closures, credible_set
 from backend.credibility import is_credible, log_alias_ratio, log_set_chance
 from backend.innovations import Innovations
+from backend.pose_graph import PoseGraphConfig
 
 GATE = chi2.ppf(0.9999, 3)
 STEP = np.array([1e-4, 1.0, 1.0])  # variance of a step: yaw, x, y
@@ -100,16 +103,38 @@ def test_thirty_false_closures_alone_are_hardly_ever_believed(make_survey):
     assert believed < 4
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_closures_from_all_over_with_one_wrong_offset_are_not_believed(make_survey, seed):
+@pytest.mark.parametrize("method", ["consistent", "incremental", "particles", "atlas"])
+@pytest.mark.parametrize("seed", range(3))
+def test_closures_from_all_over_with_one_wrong_offset_are_not_believed(make_survey, seed, method):
     survey, rng = make_survey(seed), np.random.default_rng(seed)
     # of legs side by side too: what all share between two passes of the area would be drift as well
     near = survey.revisits(60.0)
     pairs = [near[k] for k in rng.choice(len(near), 20, replace=False)]
     false = [survey.false_closure(*pair, np.array([5.0, 4.0, 0.0]), rng) for pair in pairs]
-    solution = survey.graph(false).solve()
+    solution = survey.graph(false, config=PoseGraphConfig(method=method)).solve()
     assert not solution.is_inlier.any()
     np.testing.assert_array_equal(solution.T_world_anchor, survey.dr_anchors)
+
+
+def test_a_set_that_somebody_else_chose_passes_only_where_it_is_credible(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    true, config = survey.true_closures(rng), ConsistencyConfig()
+    compared, members = survey.compared(true), np.arange(len(true))
+    found = credible_set(compared, members, 2.0, config)
+    assert found.is_member.all()
+    assert found.odometry_scale == 2.0
+    doubted = credible_set(compared, members, 2.0, config.model_copy(update={"alias_odds": 1e30}))
+    assert not doubted.is_member.any()
+    assert doubted.odometry_scale == 1.0
+    assert not credible_set(compared, members[:1], 2.0, config).is_member.any()  # one vote
+
+
+def test_what_is_believed_alone_passes_though_the_set_does_not(make_survey):
+    survey, rng = make_survey(0), np.random.default_rng(0)
+    target, source = min(survey.revisits(), key=lambda pair: pair[1] - pair[0])
+    sure = replace(survey.compared([survey.closure(target, source, rng)]), chance=np.zeros(1))
+    config = ConsistencyConfig(max_lone_reach=1e3)
+    assert credible_set(sure, np.zeros(0, dtype=np.int64), 2.0, config).is_member.all()
 
 
 @pytest.mark.parametrize("drift_factor", [1.0, 3.0])
