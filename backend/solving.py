@@ -10,10 +10,12 @@ from backend.arrays import FloatArray, IntArray
 from backend.beliefs import Chooser, Offer, start_poses
 from backend.consistency import ConsistencyConfig, is_enough
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement, harmful_closures
+from backend.factors import between_factors
 from backend.fixes import harmful_fixes
 from backend.g2o import g2o_text
-from backend.gauss_newton import covariances, minimum
+from backend.gauss_newton import covariances
 from backend.graduated import truncated_weights
+from backend.optimiser import optimise
 from backend.problem import Belief, Estimate, Problem
 from backend.solution import INLIER_WEIGHT, PoseGraphSolution, Withdrawal
 
@@ -87,8 +89,8 @@ def _solved(problem: Problem, rules: Rules, withdrawn: dict[int, str]) -> PoseGr
         holding = believed[weights > INLIER_WEIGHT]
         if not holding.size or not is_enough(problem.compared(T, holding), rules.consistency):
             return _solution(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
-        # least squares over what holds, and whether it does harm
-        T = minimum(problem.least_squares(scale, holding), T)
+        # GTSAM's least squares over what holds, and whether it does harm
+        T = optimise([*problem.known_factors(scale), *between_factors(problem.chosen(holding))], T)
         estimate = Estimate(T, holding, scale)
         harmful = harmful_closures(estimate, problem, rules.agreement, rules.do_no_harm)
         if not harmful:
