@@ -9,6 +9,7 @@ from scipy.fft import ifft, irfft, rfft2
 from frontend.arrays import AnyArray, FloatArray
 
 _SIZES = (8, 9, 10, 12, 15, 16)  # in eighths of an octave, with factors that an FFT likes
+_ROUNDING = 1e-4  # of the largest sum of squares: single precision is better
 
 
 @dataclass(frozen=True)
@@ -206,10 +207,11 @@ def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) ->
     y, x = np.arange(shifts.first_y, shifts.end_y), np.arange(shifts.first_x, shifts.end_x)
     products = np.empty((3 * len(target.transforms) // 2 - 2, *target.transforms.shape[1:]), dtype=np.complex64)
     _multiply(target.transforms, source.transforms, products)
-    rows = ifft(products, axis=1, overwrite_x=True)[:, y]  # negative shifts lie at the end, where Python counts too
-    sums = irfft(rows, target.padded[1], axis=2, overwrite_x=True)[:, :, x]
-    correlation = np.stack([_coefficient(*three) for three in sums[1:].reshape(-1, 3, len(y), len(x))])
-    return CorrelationSurface(correlation, np.maximum(np.rint(sums[0]), 0.0).astype(np.float64), y, x)
+    rows = np.take(ifft(products, axis=1, overwrite_x=True), y, axis=1)  # negative shifts: at the end, as Python counts
+    sums = irfft(rows, target.padded[1], axis=2, overwrite_x=True)
+    correlation, overlap = np.zeros((len(sums) // 3, len(y), len(x))), np.empty((len(y), len(x)))
+    _coefficients(sums, x, correlation, overlap)
+    return CorrelationSurface(correlation, overlap, y, x)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
@@ -225,9 +227,21 @@ def _multiply(target: AnyArray, source: AnyArray, products: AnyArray) -> None:
                 products[3 + 3 * c, i, j] = target[1, i, j] * np.conj(source[3 + 2 * c, i, j])
 
 
-def _coefficient(ab: FloatArray, aa: FloatArray, bb: FloatArray) -> FloatArray:
-    """Correlation from the weighted sums of products and squares; 0 where they are rounding."""
-    least = [max(1e-4 * float(squares.max(initial=0.0)), 1e-30) for squares in (aa, bb)]  # single precision is better
-    usable = (aa > least[0]) & (bb > least[1])
-    squares = np.where(usable, aa, 1.0).astype(np.float64) * np.where(usable, bb, 1.0)
-    return np.asarray(np.where(usable, np.clip(ab / np.sqrt(squares), -1.0, 1.0), 0.0))
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _coefficients(sums: FloatArray, x: AnyArray, correlation: FloatArray, overlap: FloatArray) -> None:
+    """Cells in common and correlations from the sums of mask, then ab, aa, bb; left 0 where squares are rounding."""
+    for i in range(overlap.shape[0]):
+        for j in range(overlap.shape[1]):
+            overlap[i, j] = max(np.rint(sums[0, i, x[j]]), 0.0)
+    for c in range(correlation.shape[0]):
+        ab, aa, bb = sums[1 + 3 * c], sums[2 + 3 * c], sums[3 + 3 * c]
+        most_a, most_b = 0.0, 0.0
+        for i in range(overlap.shape[0]):
+            for j in x:
+                most_a, most_b = max(most_a, aa[i, j]), max(most_b, bb[i, j])
+        least_a, least_b = max(_ROUNDING * most_a, 1e-30), max(_ROUNDING * most_b, 1e-30)
+        for i in range(overlap.shape[0]):
+            for k, j in enumerate(x):
+                if aa[i, j] > least_a and bb[i, j] > least_b:
+                    coefficient = ab[i, j] / np.sqrt(np.float64(aa[i, j]) * np.float64(bb[i, j]))
+                    correlation[c, i, k] = min(max(coefficient, -1.0), 1.0)

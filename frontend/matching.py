@@ -251,7 +251,7 @@ def _fit(p: FloatArray, q: FloatArray, limits: FloatArray, out: FloatArray) -> i
             p_x, p_y, q_x, q_y = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], q[j, 0] - q[i, 0], q[j, 1] - q[i, 1]
             if abs((p[j, 2] - p[i, 2]) - (q[j, 2] - q[i, 2])) > limits[2]:
                 continue
-            length_p, length_q = np.hypot(p_x, p_y), np.hypot(q_x, q_y)
+            length_p, length_q = np.sqrt(p_x * p_x + p_y * p_y), np.sqrt(q_x * q_x + q_y * q_y)
             if min(length_p, length_q) < limits[0] or abs(length_p - length_q) > limits[1]:
                 continue
             if n < len(out):

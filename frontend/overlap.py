@@ -7,7 +7,7 @@ import numpy as np
 
 from frontend.arrays import FloatArray
 from frontend.relief import Relief
-from frontend.sampling import sample_rasters
+from frontend.sampling import correlations, samples_that_meet
 
 
 @dataclass(frozen=True)
@@ -150,9 +150,9 @@ def lay_over(target: Layers, source: Layers, planar: tuple[float, float, float])
     overlap : Overlap
         Pairs of samples; bilinear in the target, where all four cells around are trusted.
     """
-    sampled = sample_rasters(target.rasters, source.cells, (*target.relief.origin, target.relief.spacing), planar)
-    both = sampled[:, 0] > 0
-    a, b = sampled[both], source.cells[both]
+    frame = (*target.relief.origin, target.relief.spacing)
+    a, which = samples_that_meet(target.rasters, source.cells, frame, planar)
+    b = source.cells[which]
     area = len(b) * source.relief.spacing**2
     smaller = min(target.relief.area, source.relief.area)
     return Overlap(
@@ -189,12 +189,8 @@ def correlate_at(target: Layers, source: Layers, planar: tuple[float, float, flo
         Both correlations [1] and the area [m^2] of the overlap.
     """
     frame = (*target.relief.origin, target.relief.spacing)
-    sampled = sample_rasters(target.witnesses, source.witness_cells, frame, planar)
-    both = sampled[:, 0] > 0
-    a, b = sampled[both], source.witness_cells[both]
-    weight = a[:, 0] * b[:, 2]
-    by_shape, by_echo = (weighted_correlation(b[:, k + 2], a[:, k], weight) for k in (1, 2))
-    return by_shape, by_echo, len(b) * source.relief.spacing**2
+    (by_shape, by_echo), n_cells = correlations(target.witnesses, source.witness_cells, frame, planar)
+    return float(by_shape), float(by_echo), n_cells * source.relief.spacing**2
 
 
 def weighted_correlation(a: FloatArray, b: FloatArray, weight: FloatArray) -> float:

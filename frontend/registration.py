@@ -208,14 +208,14 @@ def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatAr
 def _clustered(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
     """Standard deviations of x, y, yaw when errors are independent between blocks only, shape (3,)."""
     (J, J_source), weight = _jacobians(overlap, yaw), _weights(overlap, config)
-    H = np.einsum("k,ki,kj", weight, J, J_source)
+    H = np.einsum("ki,kj->ij", J * weight[:, None], J_source)
     H = (H + H.T) / 2
     values, block = np.linalg.eigvalsh(H), _blocks(overlap, config.block)
     n_blocks = int(np.count_nonzero(np.bincount(block)))
     if n_blocks <= 3 or not values[0] > 1e-12 * np.abs(values).max():
         return np.full(3, np.inf)
-    scores = np.zeros((int(block.max()) + 1, 3))
-    np.add.at(scores, block, J * (weight * (overlap.z_source - overlap.z_target))[:, None])
+    pull = J * (weight * (overlap.z_source - overlap.z_target))[:, None]
+    scores = np.stack([np.bincount(block, column) for column in pull.T], axis=1)
     inverse = np.linalg.inv(H)
     covariance = inverse @ (scores.T @ scores) @ inverse * n_blocks / (n_blocks - 3)
     return np.asarray(np.sqrt(np.diag(covariance)))
@@ -234,7 +234,8 @@ def _gauge(overlap: Overlap, config: RegistrationConfig) -> tuple[float, FloatAr
     A = np.column_stack([np.ones_like(overlap.x), overlap.x, overlap.y])
     difference, weight = overlap.height_target - overlap.height_source, 1 / np.maximum(overlap.sigma, 1e-3) ** 2
     prior = np.diag([0.0, 1.0, 1.0]) / (2 * config.gauge_tilt**2)
-    normal, right = np.einsum("k,ki,kj", weight, A, A), np.einsum("k,ki,k", weight, A, difference)
+    weighted = A * weight[:, None]
+    normal, right = np.einsum("ki,kj->ij", weighted, A), np.einsum("ki,k->i", weighted, difference)
     offset, *tilt = np.linalg.solve(normal + prior, right)
     left = difference - np.einsum("ki,i", A, [offset, *tilt])
     return float(offset), np.array(tilt), float(np.sqrt(np.mean(weight * left**2)))

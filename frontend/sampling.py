@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from frontend.arrays import FloatArray
+from frontend.arrays import FloatArray, IntArray
+
+_VARIES = 1e-12  # mean product of two deviations below which rasters count as constant
 
 
 def sample_rasters(
@@ -32,10 +34,75 @@ def sample_rasters(
     samples : ndarray, shape (K, C)
         Bilinear samples; all 0 where one of the four cells around is outside the grid or has no trust.
     """
+    met, which = samples_that_meet(rasters, positions, frame, planar)
     samples = np.zeros((len(positions), rasters.shape[2]))
-    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
-    _sample(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples)
+    samples[which] = met
     return samples
+
+
+def samples_that_meet(
+    rasters: FloatArray,
+    positions: FloatArray,
+    frame: tuple[float, float, float],
+    planar: tuple[float, float, float],
+) -> tuple[FloatArray, IntArray]:
+    """Sample rasters as `sample_rasters` does, only where positions meet trusted cells.
+
+    Parameters
+    ----------
+    rasters, positions, frame, planar
+        As there.
+
+    Returns
+    -------
+    samples : ndarray, shape (M, C)
+        Bilinear samples where all four cells around have trust.
+    which : ndarray of int, shape (M,)
+        Which of the positions these are.
+    """
+    samples, which = np.empty((len(positions), rasters.shape[2])), np.empty(len(positions), dtype=np.int64)
+    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
+    n = _meet(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples, which)
+    return samples[:n], which[:n]
+
+
+def correlations(
+    rasters: FloatArray,
+    cells: FloatArray,
+    frame: tuple[float, float, float],
+    planar: tuple[float, float, float],
+) -> tuple[FloatArray, int]:
+    """Correlate rasters with those of another level frame at one pose, and keep no sample.
+
+    Parameters
+    ----------
+    rasters : ndarray, shape (n_y, n_x, 1 + C)
+        The target's weight [1], 0 where unknown, and rasters.
+    cells : ndarray, shape (K, 3 + C)
+        x and y [m] of the source's cells, then the same.
+    frame : tuple of float
+        x and y of the target's first cell and the spacing of its grid [m].
+    planar : tuple of float
+        x, y [m] and yaw [rad] of ``T_target_source``.
+
+    Returns
+    -------
+    correlations : ndarray, shape (C,)
+        Weighted correlation coefficients [1]; 0 where a raster is constant over the cells that meet.
+    n_cells : int
+        Cells that meet.
+    """
+    samples, which = samples_that_meet(rasters, cells, frame, planar)
+    sums = np.zeros((rasters.shape[2], 5))
+    _sum_up(samples, np.ascontiguousarray(cells), which, sums)
+    total = float(sums[0, 0])
+    if not total > 0:
+        return np.zeros(len(sums) - 1), len(which)
+    a, b, aa, bb, ab = sums[1:].T
+    scale = np.sqrt(np.maximum(aa - a * a / total, 0.0) * np.maximum(bb - b * b / total, 0.0))
+    varies = scale > _VARIES * total
+    correlations = np.where(varies, (ab - a * b / total) / np.where(varies, scale, 1.0), 0.0)
+    return np.clip(correlations, -1.0, 1.0), len(which)
 
 
 def normal_equations(
@@ -68,8 +135,9 @@ def normal_equations(
         ``J^T W e`` with e the source's less the target's relief; all 0 where fewer than 3 cells meet.
     """
     H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64), tuning)
-    _normal_equations(np.ascontiguousarray(rasters), np.ascontiguousarray(cells), *arguments, H, H_common, g)
+    samples, which = samples_that_meet(rasters, cells, frame, planar)
+    if len(which) >= 3:
+        _normal_equations(samples, np.ascontiguousarray(cells), which, planar[2], tuning, H, H_common, g)
     return H, H_common, g
 
 
@@ -129,47 +197,61 @@ def descend(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
-def _sample(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, out: FloatArray) -> None:
-    """Bilinear samples of all rasters at the turned and shifted positions, left 0 where a corner is not trusted."""
-    cosine, sine = np.cos(planar[2]), np.sin(planar[2])
-    n_y, n_x, n_channels = rasters.shape
+def _meet(rasters, cells, frame, planar, samples, which):  # type: ignore[no-untyped-def]
+    """Bilinear samples where turned and shifted positions meet trusted cells, from the first row on; how many do."""
+    cosine, sine, n = np.cos(planar[2]), np.sin(planar[2]), 0
     for k in range(cells.shape[0]):
         x, y = cells[k, 0], cells[k, 1]
         column = (planar[0] + cosine * x - sine * y - frame[0]) / frame[2]
         row = (planar[1] + sine * x + cosine * y - frame[1]) / frame[2]
-        j, i = int(np.floor(column)), int(np.floor(row))
-        if i < 0 or j < 0 or i >= n_y - 1 or j >= n_x - 1:
+        if not (0.0 <= column < rasters.shape[1] - 1 and 0.0 <= row < rasters.shape[0] - 1):
             continue
-        corners = min(rasters[i, j, 0], rasters[i, j + 1, 0], rasters[i + 1, j, 0], rasters[i + 1, j + 1, 0])
-        if corners <= 0.0:
+        i, j = int(row), int(column)
+        if min(rasters[i, j, 0], rasters[i, j + 1, 0], rasters[i + 1, j, 0], rasters[i + 1, j + 1, 0]) <= 0.0:
             continue
         u, v = column - j, row - i
-        for c in range(n_channels):
+        for c in range(rasters.shape[2]):
             low = (1 - u) * rasters[i, j, c] + u * rasters[i, j + 1, c]
             high = (1 - u) * rasters[i + 1, j, c] + u * rasters[i + 1, j + 1, c]
-            out[k, c] = (1 - v) * low + v * high
+            samples[n, c] = (1 - v) * low + v * high
+        which[n] = k
+        n += 1
+    return n
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
-def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  # type: ignore[no-untyped-def]
-    """J^T W J, J^T W J_source, J^T W e of x, y, yaw; rasters and cells hold weight, relief, slopes along x and y."""
-    samples = np.zeros((cells.shape[0], 4))
-    _sample(rasters, cells, frame, planar, samples)
-    met = samples[:, 0] > 0
-    if met.sum() < 3:
-        return
-    error = cells[:, 3] - samples[:, 1]
-    scale = tuning * (1.4826 * np.median(np.abs(error[met])) + 1e-9)
-    cosine, sine, J, J_source = np.cos(planar[2]), np.sin(planar[2]), np.empty(3), np.empty(3)
-    for k in np.flatnonzero(met & (np.abs(error) < scale)):
-        weight = samples[k, 0] * cells[k, 2] * (1 - (error[k] / scale) ** 2) ** 2
+def _sum_up(samples: FloatArray, cells: FloatArray, which: IntArray, sums: FloatArray) -> None:
+    """Weight of the samples, then of each raster the weighted a, b, aa, bb and ab."""
+    for n, k in enumerate(which):
+        weight = samples[n, 0] * cells[k, 2]
+        sums[0, 0] += weight
+        for c in range(1, samples.shape[1]):
+            a, b = samples[n, c], cells[k, 2 + c]
+            sums[c, 0] += weight * a
+            sums[c, 1] += weight * b
+            sums[c, 2] += weight * a * a
+            sums[c, 3] += weight * b * b
+            sums[c, 4] += weight * a * b
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _normal_equations(samples, cells, which, yaw, tuning, H, H_common, g):  # type: ignore[no-untyped-def]
+    """J^T W J, J^T W J_source, J^T W e of x, y, yaw; samples and cells hold weight, relief, slopes along x and y."""
+    error = np.empty(len(which))
+    for n, k in enumerate(which):
+        error[n] = cells[k, 3] - samples[n, 1]
+    scale = tuning * (1.4826 * np.median(np.abs(error)) + 1e-9)
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    for n, k in enumerate(which):
+        if not np.abs(error[n]) < scale:
+            continue
+        weight = samples[n, 0] * cells[k, 2] * (1 - (error[n] / scale) ** 2) ** 2
         u, v = cosine * cells[k, 0] - sine * cells[k, 1], sine * cells[k, 0] + cosine * cells[k, 1]
-        J[0], J[1] = samples[k, 2], samples[k, 3]
-        J_source[0] = cosine * cells[k, 4] - sine * cells[k, 5]
-        J_source[1] = sine * cells[k, 4] + cosine * cells[k, 5]
-        J[2], J_source[2] = J[1] * u - J[0] * v, J_source[1] * u - J_source[0] * v
+        s_x, s_y = cosine * cells[k, 4] - sine * cells[k, 5], sine * cells[k, 4] + cosine * cells[k, 5]
+        J = (samples[n, 2], samples[n, 3], samples[n, 3] * u - samples[n, 2] * v)
+        J_source = (s_x, s_y, s_y * u - s_x * v)
         for i in range(3):
-            g[i] += weight * J[i] * error[k]
+            g[i] += weight * J[i] * error[n]
             for j in range(3):
                 H[i, j] += weight * J[i] * J[j]
                 H_common[i, j] += weight * J[i] * J_source[j]
@@ -177,11 +259,14 @@ def _normal_equations(rasters, cells, frame, planar, tuning, H, H_common, g):  #
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _descend(rasters: FloatArray, cells: FloatArray, frame: FloatArray, planar: FloatArray, descent: Descent) -> None:
-    """Bounded steps, added to the pose until they stand still."""
-    H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    """Bounded steps, added to the pose until they stand still or nothing meets."""
+    samples, which = np.empty((cells.shape[0], rasters.shape[2])), np.empty(cells.shape[0], np.int64)
     for _ in range(descent.n_steps):
-        H[:], H_common[:], g[:] = 0.0, 0.0, 0.0
-        _normal_equations(rasters, cells, frame, planar, descent.tuning, H, H_common, g)
+        n = _meet(rasters, cells, frame, planar, samples, which)
+        if n < 3:
+            return
+        H, H_common, g = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+        _normal_equations(samples, cells, which[:n], planar[2], descent.tuning, H, H_common, g)
         step = _step(H, H_common, g, descent)
         planar += step
         if np.hypot(step[0], step[1]) < descent.still and abs(step[2]) < descent.still_turn:

@@ -1,7 +1,9 @@
 """Search: where inside the gate of a prior two submaps correlate, by relief or by relief and reflectivity."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -95,17 +97,11 @@ def search(target: TurnedRelief, source: TurnedRelief, prior: Prior, config: Sea
     """
     config = config or SearchConfig()
     least = config.min_overlap * min(target.relief.area, source.relief.area)
-    R = planar_pose(0.0, 0.0, target.yaw(0))[:2, :2]  # to the axes of the target's turned copy: shifts are along these
-    box = _gate_box(prior, R)
-    found = np.concatenate(
-        [np.empty((0, 6)), *(_found(target, source, k, box, least) for k in _steps(target, source, prior))]
-    )
-    found[:, 3:5] = found[:, 3:5] @ R
-    found[:, 5] = _held(found[:, 5] - target.yaw(0), prior)
-    found = found[prior.squared_distance(*found[:, 3:].T) <= prior.limit]
+    gate, steps = _gate(prior, target.yaw(0)), _steps(target, source, prior)
+    found = np.concatenate([np.empty((6, 0)), *(_found(target, source, k, gate, least) for k in steps)], axis=1)
     areas = [area(target.relief, source.relief) for area in (joint_area, joint_reflectivity_area)]
-    by_shape, by_echo = (significance(found[:, k], found[:, 2], areas[k]) for k in (0, 1))
-    return _peaks(np.column_stack([pooled(by_shape, by_echo), found[:, [0, 2, 3, 4, 5]]]), config)
+    by_shape, by_echo = (significance(found[k], found[2], areas[k]) for k in (0, 1))
+    return _peaks(pooled(by_shape, by_echo), found, config)
 
 
 def _steps(target: TurnedRelief, source: TurnedRelief, prior: Prior) -> range:
@@ -126,28 +122,62 @@ def _held(yaw: FloatArray, prior: Prior) -> FloatArray:
     return np.asarray(prior.planar[2] + np.clip(wrap_angle(yaw - prior.planar[2]), -reach, reach))
 
 
-def _gate_box(prior: Prior, R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and largest x, y of the gate along other axes [m]."""
+class _Gate(NamedTuple):
+    """A prior's gate: its information, the turn to the axes of shifts, and the box it fills along these [m]."""
+
+    prior: Prior
+    information: FloatArray
+    R: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def _gate(prior: Prior, yaw: float) -> _Gate:
+    """The gate for shifts along the axes of a target turned by a yaw."""
+    R = planar_pose(0.0, 0.0, yaw)[:2, :2]
     middle = R @ np.array(prior.planar[:2])
     reach = np.sqrt(prior.limit * np.diag(R @ prior.planar_covariance[:2, :2] @ R.T))
-    return middle - reach, middle + reach
+    return _Gate(
+        prior, np.asarray(np.linalg.inv(prior.planar_covariance), dtype=np.float64), R, middle - reach, middle + reach
+    )
 
 
-def _found(
-    target: TurnedRelief, source: TurnedRelief, k: int, box: tuple[FloatArray, FloatArray], least: float
-) -> FloatArray:
-    """Both correlations, overlap [m^2], x, y [m] and yaw of the source along the target's axes, shape (S, 6)."""
+def _found(target: TurnedRelief, source: TurnedRelief, k: int, gate: _Gate, least: float) -> FloatArray:
+    """Both correlations, overlap [m^2], x, y [m] and yaw of the source where it may lie, shape (6, S)."""
     a, b = target.at(0), source.at(k)
-    shifts = _shifts(a, b, *box)
+    shifts = _shifts(a, b, gate.low, gate.high)
     if shifts is None:
-        return np.empty((0, 6))
+        return np.empty((6, 0))
     rows, columns = (common_size(n) for n in shifts.needs(a.shape, b.shape))
     surface = correlate(target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns)), shifts)
-    area = surface.overlap * a.spacing**2
-    i, j = np.nonzero(area >= least)
-    x = a.origin[0] - b.origin[0] + a.spacing * surface.shift_x[j]
-    y = a.origin[1] - b.origin[1] + a.spacing * surface.shift_y[i]
-    return np.column_stack([*surface.correlation[:, i, j], area[i, j], x, y, np.full(len(i), source.yaw(k))])
+    yaw = float(_held(np.array(source.yaw(k) - target.yaw(0)), gate.prior))
+    x, y = (a.origin[n] - b.origin[n] + a.spacing * s for n, s in enumerate((surface.shift_x, surface.shift_y)))
+    turn = float(wrap_angle(yaw - gate.prior.planar[2]))
+    found = np.empty((6, surface.overlap.size))
+    limits = np.array([*gate.prior.planar[:2], turn, gate.prior.limit, least])
+    n = _admitted(surface.correlation, surface.overlap * a.spacing**2, x, y, gate.R, gate.information, limits, found)
+    found[5, :n] = yaw
+    return found[:, :n]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _admitted(correlation, area, along_x, along_y, R, P, limits, found):  # type: ignore[no-untyped-def]
+    """Both correlations, overlap, x and y of the shifts inside the gate that overlap enough, filled in; how many."""
+    n, turn = 0, limits[2]
+    for i in range(len(along_y)):
+        for j in range(len(along_x)):
+            if area[i, j] < limits[4]:
+                continue
+            x = R[0, 0] * along_x[j] + R[1, 0] * along_y[i]
+            y = R[0, 1] * along_x[j] + R[1, 1] * along_y[i]
+            u, v = x - limits[0], y - limits[1]
+            inside = u * (P[0, 0] * u + 2 * P[0, 1] * v + 2 * P[0, 2] * turn)
+            inside += v * (P[1, 1] * v + 2 * P[1, 2] * turn) + P[2, 2] * turn * turn
+            if inside <= limits[3]:
+                found[0, n], found[1, n] = correlation[0, i, j], correlation[1, i, j]
+                found[2, n], found[3, n], found[4, n] = area[i, j], x, y
+                n += 1
+    return n
 
 
 def _shifts(target: Turned, source: Turned, low: FloatArray, high: FloatArray) -> Shifts | None:
@@ -159,11 +189,12 @@ def _shifts(target: Turned, source: Turned, low: FloatArray, high: FloatArray) -
     return shifts if shifts.end_y > shifts.first_y and shifts.end_x > shifts.first_x else None
 
 
-def _peaks(rows: FloatArray, config: SearchConfig) -> list[Peak]:
-    """The highest rows that lie apart from all higher ones."""
+def _peaks(level: FloatArray, found: FloatArray, config: SearchConfig) -> list[Peak]:
+    """The highest of what was found that lie apart from all higher ones."""
     peaks: list[Peak] = []
-    while len(rows) and len(peaks) < config.n_peaks:
-        best = rows[np.argmax(rows[:, 0])]
-        peaks.append(Peak(planar_pose(*best[3:]), float(best[0]), float(best[1])))
-        rows = rows[np.hypot(rows[:, 3] - best[3], rows[:, 4] - best[4]) > config.separation]
+    x, y, left = found[3], found[4], level.copy()
+    while len(peaks) < config.n_peaks and left.max(initial=-np.inf) > -np.inf:
+        best = int(np.argmax(left))
+        peaks.append(Peak(planar_pose(*found[3:, best]), float(level[best]), float(found[0, best])))
+        left[(x - x[best]) ** 2 + (y - y[best]) ** 2 <= config.separation**2] = -np.inf
     return peaks

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from frontend import correlation as module
 from frontend.correlation import Shifts, all_shifts, common_size, correlate, spectra
 
 
@@ -143,3 +144,21 @@ def test_common_sizes_are_few_and_little_larger(n):
     size = common_size(n)
     assert n <= size <= max(1.25 * n, 8)
     assert len({common_size(m) for m in range(n, 2 * n)}) <= 7
+
+
+def test_the_coefficients_are_their_own_python_function():
+    rng = np.random.default_rng(0)
+    sums, x = rng.uniform(0.1, 1, (4, 3, 6)).astype(np.float32), np.array([-2, -1, 0, 1])
+    sums[2, 1, 0] = 0.0
+    both = [(np.zeros((1, 3, 4)), np.empty((3, 4))) for _ in range(2)]
+    module._coefficients(sums, x, *both[0])
+    getattr(module._coefficients, "py_func", module._coefficients)(sums, x, *both[1])
+    assert both[0][0] == pytest.approx(both[1][0], rel=1e-6)  # in single precision
+    assert both[0][1].tolist() == both[1][1].tolist()
+    assert np.flatnonzero(both[0][0] == 0).tolist() == [6]  # shift 0 in the second row: a sum of squares is 0
+
+
+def test_no_shifts_give_no_correlations():
+    a = np.ones((8, 8))
+    whole = spectra(a[None], a, (8, 8))
+    assert correlate(whole, whole, Shifts(0, 0, 0, 0)).correlation.shape == (1, 0, 0)

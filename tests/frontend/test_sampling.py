@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from frontend import sampling as module
-from frontend.sampling import Descent, descend, normal_equations, sample_rasters
+from frontend.sampling import Descent, correlations, descend, normal_equations, sample_rasters
 
 
 def bilinear_field(shape):
@@ -40,13 +40,63 @@ def test_positions_beside_a_cell_without_trust_have_none():
     assert apart.all()
 
 
+def plain(kernel):
+    return getattr(kernel, "py_func", kernel)
+
+
+def met_of(meet, rasters, cells, frame, planar):
+    """Samples and cells that a kernel finds."""
+    samples, which = np.empty((len(cells), rasters.shape[2])), np.empty(len(cells), dtype=np.int64)
+    n = meet(rasters, cells, np.array(frame), np.array(planar), samples, which)
+    return samples[:n], which[:n]
+
+
 def test_the_kernel_is_its_own_python_function():
     rng = np.random.default_rng(0)
-    rasters, cells, frame = rng.uniform(0, 1, (7, 6, 3)), rng.uniform(0, 6, (30, 2)), np.array([0.5, 0.25, 1.0])
-    planar, compiled, plain = np.array([0.2, 0.4, 0.3]), np.zeros((30, 3)), np.zeros((30, 3))
-    module._sample(rasters, cells, frame, planar, compiled)
-    getattr(module._sample, "py_func", module._sample)(rasters, cells, frame, planar, plain)
-    assert compiled == pytest.approx(plain, abs=1e-14)
+    rasters, cells = rng.uniform(0, 1, (7, 6, 3)), rng.uniform(0, 6, (30, 2))
+    found = [met_of(f, rasters, cells, (0.5, 0.25, 1.0), (0.2, 0.4, 0.3)) for f in (module._meet, plain(module._meet))]
+    assert 0 < len(found[0][1]) < 30
+    assert found[0][1].tolist() == found[1][1].tolist()
+    assert found[0][0] == pytest.approx(found[1][0], abs=1e-14)
+
+
+def test_correlations_are_those_of_the_samples():
+    rng = np.random.default_rng(1)
+    rasters, cells = rng.uniform(0.1, 1, (9, 8, 3)), rng.uniform(0, 7, (60, 5))
+    frame, planar = (0.5, 0.25, 1.0), (0.2, 0.4, 0.3)
+    samples = sample_rasters(rasters, cells, frame, planar)
+    met = samples[:, 0] > 0
+    weight = (samples[:, 0] * cells[:, 2])[met]
+    found, n_cells = correlations(rasters, cells, frame, planar)
+    assert n_cells == met.sum()
+    for k in (0, 1):  # numpy's own, the means taken away
+        C = np.cov(samples[met, 1 + k], cells[met, 3 + k], aweights=weight)
+        assert found[k] == pytest.approx(C[0, 1] / np.sqrt(C[0, 0] * C[1, 1]), abs=1e-12)
+
+
+def test_the_sums_of_correlations_are_their_own_python_function():
+    rng = np.random.default_rng(2)
+    samples, cells, which = rng.uniform(size=(5, 3)), rng.uniform(size=(9, 5)), np.array([0, 2, 3, 7, 8])
+    sums = [np.zeros((3, 5)) for _ in range(2)]
+    module._sum_up(samples, cells, which, sums[0])
+    plain(module._sum_up)(samples, cells, which, sums[1])
+    assert sums[0] == pytest.approx(sums[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.0, 3.0])
+def test_what_is_constant_correlates_with_nothing(height):
+    rng = np.random.default_rng(3)
+    rasters, cells = rng.uniform(0.1, 1, (9, 8, 2)), rng.uniform(0, 7, (60, 4))
+    cells[:, 3] = height
+    found, n_cells = correlations(rasters, cells, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    assert found.tolist() == [0.0]
+    assert n_cells > 40
+
+
+def test_places_that_do_not_meet_do_not_correlate():
+    found, n_cells = correlations(np.ones((4, 4, 2)), np.ones((5, 4)), (0.0, 0.0, 1.0), (50.0, 0.0, 0.0))
+    assert found.tolist() == [0.0]
+    assert n_cells == 0
 
 
 def test_fewer_than_three_cells_that_meet_fix_nothing():
@@ -60,12 +110,12 @@ def test_fewer_than_three_cells_that_meet_fix_nothing():
 def test_the_normal_equations_are_their_own_python_function():
     rng = np.random.default_rng(0)
     rasters, cells = rng.uniform(0.1, 1, (7, 6, 4)), rng.uniform(0, 5, (30, 6))
-    frame, planar = np.array([0.0, 0.0, 1.0]), np.array([0.2, 0.4, 0.3])
-    compiled, plain = ([np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)] for _ in range(2))
-    module._normal_equations(rasters, cells, frame, planar, 3.0, *compiled)
-    getattr(module._normal_equations, "py_func", module._normal_equations)(rasters, cells, frame, planar, 3.0, *plain)
+    samples, which = met_of(module._meet, rasters, cells, (0.0, 0.0, 1.0), (0.2, 0.4, 0.3))
+    compiled, interpreted = ([np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)] for _ in range(2))
+    module._normal_equations(samples, cells, which, 0.3, 3.0, *compiled)
+    plain(module._normal_equations)(samples, cells, which, 0.3, 3.0, *interpreted)
     assert compiled[0].any()
-    for a, b in zip(compiled, plain, strict=True):
+    for a, b in zip(compiled, interpreted, strict=True):
         assert a == pytest.approx(b, rel=1e-12)
 
 
@@ -107,5 +157,5 @@ def test_the_descent_is_its_own_python_function():
     ends = [np.array([0.5, -0.3, 0.01]) for _ in range(2)]
     frame = np.array([0.0, 0.0, 1.0])
     module._descend(rasters, cells, frame, ends[0], DESCENT)
-    getattr(module._descend, "py_func", module._descend)(rasters, cells, frame, ends[1], DESCENT)
+    plain(module._descend)(rasters, cells, frame, ends[1], DESCENT)
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)

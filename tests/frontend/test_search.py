@@ -3,6 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from frontend import search as module
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.priors import Prior
 from frontend.relief import extract_relief
@@ -93,3 +94,21 @@ def test_the_axes_that_partners_share_do_not_matter():
         x, y, yaw = planar_parameters(invert(planar_pose(*relative)) @ best.T_target_source)
         assert np.hypot(x, y) < 2.9  # the diagonal of a search cell
         assert abs(yaw) < 0.036
+
+
+def test_shifts_are_admitted_as_the_gate_admits_poses():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(6, 6))
+    gate = module._gate(Prior(planar_pose(3.0, -2.0, 0.4), A @ A.T * 10 + np.eye(6), 2.0), 0.7)
+    x, y, yaw = np.arange(-20.0, 21.0, 2.0), np.arange(-16.0, 17.0, 2.0), 0.9
+    area = rng.uniform(0, 100, (len(y), len(x)))
+    correlation, limits = rng.uniform(size=(2, *area.shape)), np.array([3.0, -2.0, 0.5, gate.prior.limit, 40.0])
+    found = [np.empty((6, area.size)) for _ in range(2)]
+    for f, out in zip((module._admitted, getattr(module._admitted, "py_func", module._admitted)), found, strict=True):
+        n = f(correlation, area, x, y, gate.R, gate.information, limits, out)
+    at = np.stack(np.meshgrid(x, y), axis=-1) @ gate.R
+    inside = (gate.prior.squared_distance(at[..., 0], at[..., 1], yaw) <= gate.prior.limit) & (area >= 40.0)
+    assert 0 < n == inside.sum() < (area >= 40.0).sum()
+    expected = np.stack([*correlation, area, at[..., 0], at[..., 1]])[:, inside]
+    for out in found:
+        assert out[:5, :n] == pytest.approx(expected, abs=1e-12)
