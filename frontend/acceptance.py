@@ -35,9 +35,9 @@ class AcceptanceConfig(BaseModel):
         le=1,
         description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
     )
-    probability: ProbabilityConfig = ProbabilityConfig()
+    probability: ProbabilityConfig = ProbabilityConfig(offset=-3.09, lead=1.6, chance=1.0)
     min_probability: float = Field(
-        default=0.97,
+        default=0.95,
         gt=0,
         lt=1,
         description="Least probability that the place is the same [1]; the back end asks for agreement on top.",

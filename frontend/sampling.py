@@ -71,7 +71,7 @@ def correlations(
     cells: FloatArray,
     frame: tuple[float, float, float],
     planar: tuple[float, float, float],
-) -> tuple[FloatArray, int]:
+) -> tuple[FloatArray, FloatArray, int]:
     """Correlate rasters with those of another level frame at one pose, and keep no sample.
 
     Parameters
@@ -89,20 +89,24 @@ def correlations(
     -------
     correlations : ndarray, shape (C,)
         Weighted correlation coefficients [1]; 0 where a raster is constant over the cells that meet.
+    coincidences : ndarray, shape (C,)
+        Mean product of both squares over the product of the mean squares [1], as `frontend.overlap.concentration`
+        wants it; 0 likewise.
     n_cells : int
         Cells that meet.
     """
     samples, which = samples_that_meet(rasters, cells, frame, planar)
-    sums = np.zeros((rasters.shape[2], 5))
+    sums = np.zeros((rasters.shape[2], 6))
     _sum_up(samples, np.ascontiguousarray(cells), which, sums)
     total = float(sums[0, 0])
     if not total > 0:
-        return np.zeros(len(sums) - 1), len(which)
-    a, b, aa, bb, ab = sums[1:].T
+        return np.zeros(len(sums) - 1), np.zeros(len(sums) - 1), len(which)
+    a, b, aa, bb, ab, aabb = sums[1:].T
     scale = np.sqrt(np.maximum(aa - a * a / total, 0.0) * np.maximum(bb - b * b / total, 0.0))
     varies = scale > _VARIES * total
     correlations = np.where(varies, (ab - a * b / total) / np.where(varies, scale, 1.0), 0.0)
-    return np.clip(correlations, -1.0, 1.0), len(which)
+    coincidences = np.where(varies, aabb * total / np.where(varies, aa * bb, 1.0), 0.0)
+    return np.clip(correlations, -1.0, 1.0), coincidences, len(which)
 
 
 def normal_equations(
@@ -221,7 +225,7 @@ def _meet(rasters, cells, frame, planar, samples, which):  # type: ignore[no-unt
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _sum_up(samples: FloatArray, cells: FloatArray, which: IntArray, sums: FloatArray) -> None:
-    """Weight of the samples, then of each raster the weighted a, b, aa, bb and ab."""
+    """Weight of the samples, then of each raster the weighted a, b, aa, bb, ab and aabb."""
     for n, k in enumerate(which):
         weight = samples[n, 0] * cells[k, 2]
         sums[0, 0] += weight
@@ -232,6 +236,7 @@ def _sum_up(samples: FloatArray, cells: FloatArray, which: IntArray, sums: Float
             sums[c, 2] += weight * a * a
             sums[c, 3] += weight * b * b
             sums[c, 4] += weight * a * b
+            sums[c, 5] += weight * a * a * b * b
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]

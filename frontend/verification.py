@@ -23,7 +23,8 @@ class Verification:
     sigmas : ndarray, shape (6,)
         Its standard deviations in the target frame [rad, rad, rad, m, m, m].
     correlation, significance : float
-        Of the reliefs over the overlap [1], and in standard deviations above chance.
+        Of the reliefs over the overlap [1], and in standard deviations above chance: fewer where a few boulders carry
+        the correlation.
     reflectivity_correlation, reflectivity_significance : float
         The same of the reflectivities, a second witness.
     overlap : float
@@ -85,7 +86,7 @@ def verify(
         T_target_source=registration.T_target_source,
         sigmas=registration.sigmas,
         correlation=overlap.correlation,
-        significance=_significance(overlap.correlation, overlap.area, area),
+        significance=_significance(overlap.correlation, overlap.area, area * overlap.concentration),
         reflectivity_correlation=overlap.reflectivity_correlation,
         reflectivity_significance=_significance(overlap.reflectivity_correlation, overlap.area, area_r),
         overlap=overlap.share,
@@ -152,8 +153,8 @@ def significance_at(target: Layers, source: Layers, T_target_source: FloatArray)
     significance, area : float
         Standard deviations above chance, and the area compared [m^2].
     """
-    correlation, correlation_r, area = correlate_at(target, source, planar_parameters(T_target_source))
-    by_shape = _significance(correlation, area, joint_area(target.relief, source.relief))
+    correlation, correlation_r, times, area = correlate_at(target, source, planar_parameters(T_target_source))
+    by_shape = _significance(correlation, area, joint_area(target.relief, source.relief) * times)
     by_echo = _significance(correlation_r, area, joint_reflectivity_area(target.relief, source.relief))
     return float(pooled(np.array(by_shape), np.array(by_echo))), area
 

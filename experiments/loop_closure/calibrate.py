@@ -38,8 +38,8 @@ def fit(records: Sequence[Record]) -> tuple[float, float, float]:
 
 
 def said(record: Record) -> float:
-    """What `frontend.probability` says of a record."""
-    return probability(record["lead"], record["chance"])
+    """What the chain says of a record."""
+    return probability(record["lead"], record["chance"], AcceptanceConfig().probability)
 
 
 def by_chance(record: Record) -> float:

@@ -72,7 +72,7 @@ def chain(target: Place, source: Place, prior: Prior) -> Found:
         [(0, 1)], submaps, [target.features, source.features], lambda _target, _source: prior.covariance, CONFIG
     )
     ranked = closure.reason in ("", Rejection.BY_CHANCE)
-    score = log_odds(closure.lead, closure.chance) if ranked else -np.inf
+    score = log_odds(closure.lead, closure.chance, CONFIG.acceptance.probability) if ranked else -np.inf
     return Found(closure.T_target_source, score, _numbers(closure))
 
 

@@ -53,12 +53,12 @@ def test_a_long_lead_makes_up_for_some_chance_and_the_other_way_round():
     config, faint = AcceptanceConfig(), replace(GOOD, significance=4.9)
     assert chance_of(faint, PRIOR) > 1e-3
     assert decide(faint, faint.level - 4.0, PRIOR, config) is None
-    assert decide(faint, faint.level - 1.5, PRIOR, config) is Rejection.BY_CHANCE
-    assert decide(GOOD, GOOD.level - 1.5, PRIOR, config) is None
+    assert decide(faint, faint.level - 1.2, PRIOR, config) is Rejection.BY_CHANCE
+    assert decide(GOOD, GOOD.level - 1.2, PRIOR, config) is None
 
 
 def test_more_is_asked_for_where_more_is_asked():
-    config = AcceptanceConfig(min_probability=1 - 1e-9)
+    config = AcceptanceConfig(min_probability=1 - 1e-15)
     assert decide(GOOD, 3.0, PRIOR, config) is Rejection.BY_CHANCE
 
 

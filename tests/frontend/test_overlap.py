@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frontend.overlap import lay_over, stack_layers, weighted_correlation
+from frontend.overlap import concentration, correlate_at, lay_over, stack_layers, weighted_correlation
 from frontend.relief import Relief, extract_relief
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
@@ -89,3 +89,40 @@ def test_inputs_stay_as_they_were():
     lay_over(layers, layers, (1.0, 1.0, 0.1))
     assert np.array_equal(layers.rasters, before.rasters)
     assert np.array_equal(layers.cells, before.cells)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.4, 0.9])
+def test_the_correlation_of_gaussian_floors_is_carried_by_all_of_them(correlation):
+    a, rest = np.random.default_rng(0).normal(size=(2, 120, 130))
+    b = correlation * a + np.sqrt(1 - correlation**2) * rest
+    overlap = lay_over(layers_of(a), layers_of(b), (0.0, 0.0, 0.0))
+    # a mean of 15000 products of variance 10 to 100 is within 0.1 of its expectation, 1 to 3
+    assert 1.0 <= overlap.concentration < 1.1
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_what_a_few_boulders_carry_counts_between_their_number_and_that_of_all_pieces(n):
+    z = np.zeros((31, 31))
+    z.flat[np.random.default_rng(0).choice(30 * 30, n, replace=False)] = 1.0
+    overlap = lay_over(layers_of(z), layers_of(z), (0.0, 0.0, 0.0))
+    n_seen = int(overlap.z_source.sum())
+    # the geometric mean of both; of reliefs wholly alike a Gaussian one has a kurtosis of 3: its pieces count as thirds
+    n_all = len(overlap.x)
+    assert n_all / overlap.concentration == pytest.approx(np.sqrt(n_all * 3 * n_seen))
+
+
+def test_concentration_is_the_same_with_and_without_the_samples():
+    rng = np.random.default_rng(0)
+    z, weight = rng.standard_t(3, size=(40, 40)), rng.uniform(0.1, 1, (40, 40))
+    a, b = layers_of(z, weight=weight), layers_of(z + rng.normal(size=z.shape))
+    overlap = lay_over(a, b, (0.3, -0.1, 0.01))
+    by_shape, by_echo, times, area = correlate_at(a, b, (0.3, -0.1, 0.01))
+    assert times > 1
+    assert times == pytest.approx(overlap.concentration, rel=1e-9)
+    assert (by_shape, by_echo) == pytest.approx((overlap.correlation, overlap.reflectivity_correlation), abs=1e-12)
+    assert area == overlap.area
+
+
+def test_nothing_is_carried_by_nothing():
+    assert concentration(0.0, 0.0) == 1.0
+    assert lay_over(layers_of(np.zeros((9, 9))), layers_of(np.zeros((9, 9))), (0.0, 0.0, 0.0)).concentration == 1.0

@@ -67,17 +67,20 @@ def test_correlations_are_those_of_the_samples():
     samples = sample_rasters(rasters, cells, frame, planar)
     met = samples[:, 0] > 0
     weight = (samples[:, 0] * cells[:, 2])[met]
-    found, n_cells = correlations(rasters, cells, frame, planar)
+    found, coincidences, n_cells = correlations(rasters, cells, frame, planar)
     assert n_cells == met.sum()
     for k in (0, 1):  # numpy's own, the means taken away
         C = np.cov(samples[met, 1 + k], cells[met, 3 + k], aweights=weight)
         assert found[k] == pytest.approx(C[0, 1] / np.sqrt(C[0, 0] * C[1, 1]), abs=1e-12)
+        aa, bb = samples[met, 1 + k] ** 2, cells[met, 3 + k] ** 2
+        mean = [np.average(a, weights=weight) for a in (aa * bb, aa, bb)]
+        assert coincidences[k] == pytest.approx(mean[0] / (mean[1] * mean[2]), rel=1e-12)
 
 
 def test_the_sums_of_correlations_are_their_own_python_function():
     rng = np.random.default_rng(2)
     samples, cells, which = rng.uniform(size=(5, 3)), rng.uniform(size=(9, 5)), np.array([0, 2, 3, 7, 8])
-    sums = [np.zeros((3, 5)) for _ in range(2)]
+    sums = [np.zeros((3, 6)) for _ in range(2)]
     module._sum_up(samples, cells, which, sums[0])
     plain(module._sum_up)(samples, cells, which, sums[1])
     assert sums[0] == pytest.approx(sums[1], rel=1e-12)
@@ -88,14 +91,14 @@ def test_what_is_constant_correlates_with_nothing(height):
     rng = np.random.default_rng(3)
     rasters, cells = rng.uniform(0.1, 1, (9, 8, 2)), rng.uniform(0, 7, (60, 4))
     cells[:, 3] = height
-    found, n_cells = correlations(rasters, cells, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    assert found.tolist() == [0.0]
+    found, coincidences, n_cells = correlations(rasters, cells, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    assert found.tolist() == coincidences.tolist() == [0.0]
     assert n_cells > 40
 
 
 def test_places_that_do_not_meet_do_not_correlate():
-    found, n_cells = correlations(np.ones((4, 4, 2)), np.ones((5, 4)), (0.0, 0.0, 1.0), (50.0, 0.0, 0.0))
-    assert found.tolist() == [0.0]
+    found, coincidences, n_cells = correlations(np.ones((4, 4, 2)), np.ones((5, 4)), (0.0, 0.0, 1.0), (50.0, 0.0, 0.0))
+    assert found.tolist() == coincidences.tolist() == [0.0]
     assert n_cells == 0
 
 

@@ -3,8 +3,8 @@ import pytest
 
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.overlap import stack_layers
-from frontend.relief import extract_relief
-from frontend.verification import joint_area, preview, verify
+from frontend.relief import Relief, extract_relief
+from frontend.verification import joint_area, preview, significance_at, verify
 from tests.frontend.seafloor_scenes import cut_submap, rough_seafloor
 
 RELATIVE = (10.0, -15.0, 0.6)
@@ -85,4 +85,19 @@ def test_a_preview_comes_to_rest_near_the_refined_place_and_is_as_significant():
     x, y, yaw = planar_parameters(invert(fine.T_target_source) @ rough.T_target_source)
     assert np.hypot(x, y) < 0.5  # half a cell
     assert abs(yaw) < 0.01
-    assert rough.significance == pytest.approx(fine.significance, rel=0.1)
+    assert rough.significance == pytest.approx(fine.level, rel=0.1)
+
+
+def test_boulders_that_coincide_are_worth_half_of_what_the_area_of_their_floor_says():
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[0:80, 0:80].astype(float)
+    boulders = sum(3 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / 4) for u, v in ((20, 30), (55, 25), (40, 60)))
+    a, b = (
+        stack_layers(Relief(z, np.ones_like(z), 0 * z, z, np.ones_like(z), 1.0, (0.0, 0.0)))
+        for z in boulders + rng.normal(0, 0.2, (2, 80, 80))
+    )
+    v = verify(a, b, planar_pose(0.0, 0.0, 0.0))
+    by_area = np.arctanh(v.correlation) * np.sqrt(v.overlap_area / joint_area(a.relief, b.relief) - 3)
+    assert by_area > 15  # unrelated floors but for three boulders of some ten cells each
+    assert v.significance < 0.6 * by_area
+    assert significance_at(a, b, v.T_target_source) == pytest.approx((v.level, v.overlap_area))
