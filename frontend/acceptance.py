@@ -35,7 +35,7 @@ class AcceptanceConfig(BaseModel):
         le=1,
         description="Least overlap [share of the smaller submap]: small ones correlate by chance.",
     )
-    probability: ProbabilityConfig = ProbabilityConfig(offset=-3.09, lead=1.6, chance=1.0)
+    probability: ProbabilityConfig = ProbabilityConfig()
     min_probability: float = Field(
         default=0.95,
         gt=0,

@@ -11,21 +11,21 @@ class ProbabilityConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     offset: float = Field(
-        default=-3.45,
+        default=-3.09,
         description="Log odds [1] of an alignment without lead that one pair of unrelated floors shows; as the two "
         "below, fitted on simulated dives.",
     )
     lead: float = Field(
-        default=1.77,
+        default=1.6,
         gt=0,
         description="Log odds a standard deviation [1] by which the best alignment leads the next best one: what "
         "chance and likeness give on this very floor.",
     )
     chance: float = Field(
-        default=0.82,
+        default=1.0,
         gt=0,
-        description="Log odds a power of ten [1] of the chance that unrelated floors align as well; a third of what "
-        "an exact one would be worth.",
+        description="Log odds a power of ten [1] of the chance that unrelated floors align as well; two fifths of "
+        "what an exact one would be worth.",
     )
     share: float = Field(
         default=0.45,
