@@ -262,7 +262,7 @@ def _read_truth(reference: Path) -> Truth:
     """A track from a TUM file, or the truth of a container; the content tells which."""
     from sssslam.products.tum import read_tum
     from sssslam.readers.netcdf import read_netcdf
-    from sssslam.readers.regular_files import read_head
+    from sssslam.regular_files import read_head
 
     if read_head(reference, 8, "a TUM file or a recording with truth") != b"\x89HDF\r\n\x1a\n":
         return Truth(read_tum(reference))

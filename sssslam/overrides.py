@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from frontend.loop_closures import LoopClosure
-from sssslam.readers.regular_files import read_head
+from sssslam.regular_files import read_head
 
 Pair = tuple[int, int]  # submap numbers, the earlier first
 

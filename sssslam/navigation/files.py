@@ -9,7 +9,7 @@ from sssslam.navigation.nmea import looks_like_nmea, parse_nmea
 from sssslam.navigation.series import make_series
 from sssslam.navigation.tables import looks_like_table, parse_table
 from sssslam.products.tum import read_tum
-from sssslam.readers.regular_files import read_head
+from sssslam.regular_files import read_head
 
 _HEAD_LINES = 200
 

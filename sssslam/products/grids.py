@@ -16,7 +16,7 @@ from rasterio.transform import from_origin
 from frontend.arrays import FloatArray
 from frontend.georeference import Georeference
 from frontend.heightfield import Heightfield
-from sssslam.readers.regular_files import read_head
+from sssslam.regular_files import read_head
 
 
 def format_geotiff(

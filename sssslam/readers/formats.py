@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from frontend.recording import Recording
-from sssslam.readers.regular_files import read_head
+from sssslam.regular_files import read_head
 
 HEAD_SIZE = 1024
 ENTRY_POINTS = "sssslam.readers"
