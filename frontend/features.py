@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import maximum_filter
+from scipy.spatial.distance import cdist
 
 from frontend.arrays import AnyArray, BoolArray, FloatArray
 from frontend.heightfield import Heightfield
@@ -26,6 +27,12 @@ class FeatureConfig(BaseModel):
         gt=0,
         description="Radius of the shape that a descriptor sees [m], at least 6 cells; on less all floor looks alike.",
     )
+    wide_radius: float | None = Field(
+        default=None,
+        gt=0,
+        description="Radius [m] of a second, wider shape whose histograms stand beside those of the first; unset: one "
+        "scale, for two find no more places.",
+    )
     lattice: float = Field(
         default=2.0,
         gt=0,
@@ -41,6 +48,13 @@ class FeatureConfig(BaseModel):
         gt=0,
         description="Factor on the heights [1]: slopes of a few degrees then spread over FPFH's angle bins.",
     )
+    least_distinct: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="Keypoints are left out whose descriptor has another of the submap nearer than this share [1] of "
+        "their median distance: ripples look alike; 0 keeps all, for verification knows ripples.",
+    )
     max_relative_sigma: float = Field(
         default=2.0,
         gt=0,
@@ -53,6 +67,11 @@ class FeatureConfig(BaseModel):
     )
     relief: ReliefConfig = ReliefConfig()
 
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Radii of the shapes that a descriptor sees [m]."""
+        return (self.radius,) if self.wide_radius is None else (self.radius, self.wide_radius)
+
 
 @dataclass(frozen=True)
 class Features:
@@ -62,8 +81,8 @@ class Features:
     ----------
     keypoints : ndarray, shape (K, 3)
         Positions in the submap frame [m], z as reconstructed.
-    descriptors : ndarray, shape (K, 33)
-        FPFH histograms: three angles of 11 bins that sum to 200 each [1].
+    descriptors : ndarray, shape (K, 33 R)
+        FPFH histograms of R radii: three angles of 11 bins that sum to 200 each [1].
     normals : ndarray, shape (K, 3)
         Upward unit normals of the exaggerated relief.
     """
@@ -114,12 +133,14 @@ def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Feat
     config = config or FeatureConfig()
     usable = _usable(relief, config.max_relative_sigma)
     if usable.sum() < config.min_points:
-        return Features(np.empty((0, 3)), np.empty((0, N_BINS)), np.empty((0, 3)))
+        return Features(np.empty((0, 3)), np.empty((0, N_BINS * len(config.radii))), np.empty((0, 3)))
     surface = Heightfield(np.where(usable, config.exaggeration * relief.z, np.nan), relief.spacing, relief.origin)
     is_keypoint = find_keypoints(relief.z, usable, config.keypoint_spacing / relief.spacing)
     x, y = np.meshgrid(surface.x, surface.y)
-    keypoints = np.stack([x, y, relief.height], axis=-1)[is_keypoint]
-    return Features(keypoints, _describe(surface, is_keypoint, config), surface_normals(surface)[is_keypoint])
+    keypoints, normals = np.stack([x, y, relief.height], axis=-1)[is_keypoint], surface_normals(surface)[is_keypoint]
+    descriptors = _describe(surface, is_keypoint, config)
+    kept = _distinct(descriptors, config.least_distinct)
+    return Features(keypoints[kept], descriptors[kept], normals[kept])
 
 
 def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArray:
@@ -157,16 +178,27 @@ def _usable(relief: Relief, max_relative_sigma: float) -> BoolArray:
     return np.asarray(relief.is_trusted & (relief.sigma <= limit))
 
 
+def _distinct(descriptors: FloatArray, least: float) -> BoolArray:
+    """Which descriptors are no nearer to any other than a share of the median distance between two."""
+    if least == 0 or len(descriptors) < 2:
+        return np.ones(len(descriptors), dtype=np.bool_)
+    distances = cdist(descriptors, descriptors)
+    np.fill_diagonal(distances, np.inf)
+    return np.asarray(distances.min(axis=1) >= least * np.median(distances[np.isfinite(distances)]))
+
+
 def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
-    """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, shape (K, 33)."""
+    """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, radius beside radius."""
     rows, columns = np.indices(surface.z.shape)
     step = max(round(config.lattice / surface.spacing), 1)
     supports = np.isfinite(surface.z) & (rows % step == 0) & (columns % step == 0) | is_keypoint
     x, y = np.meshgrid(surface.x, surface.y)
     points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
-    radius = max(config.radius, _RADIUS_CELLS * surface.spacing)
-    most = int(np.pi * (radius / surface.spacing + 1) ** 2)  # all cells in reach: none is cut off
-    return _fpfh(points, normals, np.flatnonzero(is_keypoint[supports]), {"radius": radius, "max_nn": most})
+    chosen = np.flatnonzero(is_keypoint[supports])
+    reaches = [max(radius, _RADIUS_CELLS * surface.spacing) for radius in config.radii]
+    most = [int(np.pi * (reach / surface.spacing + 1) ** 2) for reach in reaches]  # all cells: none is cut off
+    searches = [{"radius": reach, "max_nn": n} for reach, n in zip(reaches, most, strict=True)]
+    return np.concatenate([_fpfh(points, normals, chosen, search) for search in searches], axis=1)
 
 
 def _fpfh(points: FloatArray, normals: FloatArray, chosen: AnyArray, search: dict[str, float]) -> FloatArray:

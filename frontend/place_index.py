@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from frontend.arrays import FloatArray, IntArray
 
 _N_COEFFICIENTS = 2  # of each histogram: four in five of the variance, and few enough for a tree to be of use
-_N_HISTOGRAMS = 3  # that make an FPFH
+_N_BINS = 11  # of a histogram; three of them make an FPFH
 _MOST_OF_A_PLACE = 120  # descriptors kept and asked about: more rank places no better
 _N_NEAREST = 12  # descriptors that a new one votes for
 _APPROXIMATION = 1.0  # a neighbour this much farther than the nearest will do: votes are many
@@ -101,18 +101,16 @@ def compact(descriptors: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    descriptors : ndarray, shape (K, 33)
-        FPFH: three histograms of 11 bins.
+    descriptors : ndarray, shape (K, 11 H)
+        H histograms of 11 bins; three make an FPFH.
 
     Returns
     -------
-    points : ndarray, shape (L, 6)
+    points : ndarray, shape (L, 2 H)
         The lowest cosine coefficients of each histogram, its sum left out, of at most 120 of the descriptors.
     """
     step = max(-(-len(descriptors) // _MOST_OF_A_PLACE), 1)
-    histograms = np.asarray(descriptors[::step], dtype=np.float64).reshape(-1, _N_HISTOGRAMS, 33 // _N_HISTOGRAMS)
-    return np.asarray(
-        dct(histograms, norm="ortho", axis=2)[:, :, 1 : 1 + _N_COEFFICIENTS].reshape(
-            -1, _N_HISTOGRAMS * _N_COEFFICIENTS
-        )
-    )
+    kept = np.asarray(descriptors[::step], dtype=np.float64)
+    n_histograms = kept.shape[1] // _N_BINS
+    lowest = dct(kept.reshape(-1, n_histograms, _N_BINS), norm="ortho", axis=2)[:, :, 1 : 1 + _N_COEFFICIENTS]
+    return np.asarray(lowest.reshape(-1, n_histograms * _N_COEFFICIENTS))

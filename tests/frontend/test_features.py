@@ -41,6 +41,28 @@ def test_descriptors_are_open3ds_of_the_exaggerated_relief():
     assert features.descriptors[:40] == pytest.approx(everything[rows], abs=1e-9)
 
 
+def test_two_radii_stand_side_by_side_as_each_alone():
+    submap = rough_submap()
+    both = describe(submap, FeatureConfig(radius=8.0, wide_radius=16.0)).descriptors
+    alone = [describe(submap, FeatureConfig(radius=radius)).descriptors for radius in (8.0, 16.0)]
+    np.testing.assert_array_equal(both, np.concatenate(alone, axis=1))
+
+
+def test_crests_of_ripples_look_alike_and_are_left_out_where_a_lone_boulder_is_not():
+    y, x = np.mgrid[-40.0:41.0, -40.0:41.0]
+    ripples = 0.3 * np.sin(2 * np.pi * x / 10.0)
+    boulder = 1.5 * np.exp(-((x - 5.0) ** 2 + (y - 8.0) ** 2) / 8.0)
+    noise = np.random.default_rng(2).normal(0, 0.01, x.shape)
+    submap = rough_submap()
+    surface = Heightfield(ripples + boulder + noise, 1.0, (-40.0, -40.0))
+    flat = np.zeros(x.shape)
+    submap = replace(submap, surface=surface, sigma=flat + 0.05, log_reflectivity=flat, is_shadow=flat > 0)
+    every, distinct = describe(submap), describe(submap, FeatureConfig(least_distinct=0.3))
+    assert len(distinct) < 0.7 * len(every)
+    near = np.hypot(*(distinct.keypoints[:, :2] - [5.0, 8.0]).T)
+    assert near.min() < 3.0
+
+
 def test_describing_twice_gives_the_same_bytes_whatever_the_threads():
     submap, o3d = rough_submap(), load_open3d()
     first, n_threads = describe(submap), o3d.utility.get_max_threads()
