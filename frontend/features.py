@@ -27,11 +27,11 @@ class FeatureConfig(BaseModel):
         gt=0,
         description="Radius of the shape that a descriptor sees [m], at least 6 cells; on less all floor looks alike.",
     )
-    wide_radius: float | None = Field(
-        default=None,
-        gt=0,
-        description="Radius [m] of a second, wider shape whose histograms stand beside those of the first; unset: one "
-        "scale, for two find no more places.",
+    wide_radius: float = Field(
+        default=0.0,
+        ge=0,
+        description="Radius [m] of a second, wider shape whose histograms stand beside those of the first; 0 is none, "
+        "for two scales find no more places.",
     )
     lattice: float = Field(
         default=2.0,
@@ -70,7 +70,7 @@ class FeatureConfig(BaseModel):
     @property
     def radii(self) -> tuple[float, ...]:
         """Radii of the shapes that a descriptor sees [m]."""
-        return (self.radius,) if self.wide_radius is None else (self.radius, self.wide_radius)
+        return (self.radius, self.wide_radius) if self.wide_radius else (self.radius,)
 
 
 @dataclass(frozen=True)
