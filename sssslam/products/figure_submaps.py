@@ -147,5 +147,6 @@ def _finish(figure: Any, axes: Any, scale: Any, title: str) -> None:
     axes.set(aspect="equal")
     axes.set_title(title, fontsize=9)
     axes.tick_params(labelsize=7.5)
-    bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02)
+    # a narrow map stands at the left of its place, where its title has room
+    bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02, panchor=(0.0, 0.5))
     bar.ax.tick_params(labelsize=7.5)
