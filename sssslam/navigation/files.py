@@ -35,24 +35,24 @@ def read_navigation(path: Path, near: float) -> NavigationLog:
         If the file cannot be read or says nothing; in one line that names it.
     """
     lines = _read_lines(path)
-    first = next((line for line in lines if line.strip()), "")
-    head = "\n".join(lines[:_HEAD_LINES])
-    if _is_tum(lines):
-        return _read_tum(path)
-    try:
-        if looks_like_nmea(head):
-            log = parse_nmea(lines, path.name, near)
-        elif looks_like_table(first):
-            log = parse_table(lines, path.name, near)
-        else:
-            raise ValueError(
-                "this is no navigation: a CSV whose header names time and more, a TUM trajectory, or NMEA is wanted"
-            )
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    log = _read_tum(path) if _is_tum(lines) else _read_log(path, lines, near)
     if not log.series:
         raise ValueError(f"{path}: no row holds a time with a position, heading, depth or speed; navigation is wanted")
     return log
+
+
+def _read_log(path: Path, lines: list[str], near: float) -> NavigationLog:
+    first = next((line for line in lines if line.strip()), "")
+    try:
+        if looks_like_nmea("\n".join(lines[:_HEAD_LINES])):
+            return parse_nmea(lines, path.name, near)
+        if looks_like_table(first):
+            return parse_table(lines, path.name, near)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    raise ValueError(
+        f"{path}: this is no navigation: a CSV whose header names time and more, a TUM trajectory, or NMEA is wanted"
+    )
 
 
 def _read_lines(path: Path) -> list[str]:

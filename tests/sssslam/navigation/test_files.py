@@ -207,6 +207,7 @@ def test_magnetic_heading_is_taken_last_and_said(write):
         ("Dear diary\n", "this is no navigation"),
         ("x,y\n1,2\n", "this is no navigation"),
         ("time,colour\n1,2\n", "no row holds a time with a position"),
+        ("169999999999.0 -1.0 2.0 -5.0 0 0 0.6 0.8\n", "no row holds a time with a position"),
         ("time,x,y\n1,2,3\n2,three,4\n", "line 3: x is 'three'; a number is wanted"),
         ("time,x,y\nnoon,2,3\n", "line 2: time is 'noon'; seconds since 1970 or ISO 8601 is wanted"),
         ("time,x,y\n1,2\n2,3,4\n", "line 2 has 2 fields; 3 are wanted"),
