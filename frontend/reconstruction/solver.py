@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -10,6 +11,9 @@ from frontend.arrays import FloatArray
 from frontend.reconstruction.normal_equations import NormalEquations
 from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.unknowns import Unknowns
+
+_SHORTER = 0.4
+_N_SHORTENED = 4  # times that a step may be shortened for the sake of lines kept aside, the full one counted
 
 
 class SolverConfig(BaseModel):
@@ -29,6 +33,11 @@ class SolverConfig(BaseModel):
     )
     improvement: float = Field(
         default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share [1]: noise."
+    )
+    aside_share: float = Field(
+        default=0.03,
+        ge=0,
+        description="Rise of the cost of lines kept aside over its fall elsewhere that a step may bring [1].",
     )
     step_height: float = Field(
         default=0.75, gt=0, description="Largest change of a height in one step [cells]; visibility changes."
@@ -57,6 +66,14 @@ class Solution:
     costs: tuple[float, ...]
 
 
+class State(NamedTuple):
+    """A point, what is expected there, and its cost."""
+
+    x: Unknowns
+    mu: FloatArray
+    cost: float
+
+
 def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: float = np.inf) -> Solution:
     """Make the cost of a posterior small, as long as the echoes kept aside agree.
 
@@ -77,18 +94,31 @@ def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: flo
         The best state seen; never worse than the start.
     """
     mu = posterior.predict(x)
-    costs, aside = [posterior.cost(x, mu)], posterior.held_out_cost(mu)
+    costs = [posterior.cost(x, mu)]
     for _ in range(config.n_steps):
         if time.monotonic() >= until:
             break
-        found = _backtrack(posterior, x, _step(posterior, x, mu, config), costs[-1])
-        if found is None or posterior.held_out_cost(found[1]) > aside:
+        found = _longest_step(posterior, State(x, mu, costs[-1]), config)
+        if found is None:
             break
         x, mu, cost = found
         costs.append(cost)
         if costs[-2] - cost < config.improvement * abs(costs[-2]):
             break
     return Solution(x, mu, tuple(costs))
+
+
+def _longest_step(posterior: Posterior, now: State, config: SolverConfig) -> State | None:
+    """A step that lowers the cost, short enough not to fit the noise of lines at the expense of those kept aside."""
+    step, aside = _step(posterior, now.x, now.mu, config), posterior.held_out_cost(now.mu)
+    for _ in range(_N_SHORTENED):
+        found = _backtrack(posterior, now, step)
+        if found is None:
+            return None
+        if posterior.held_out_cost(found.mu) - aside <= config.aside_share * (now.cost - found.cost):
+            return found
+        step = step.times(_SHORTER)
+    return None
 
 
 def _step(posterior: Posterior, x: Unknowns, mu: FloatArray, config: SolverConfig) -> Unknowns:
@@ -131,15 +161,13 @@ def solve(equations: NormalEquations, right: Unknowns, config: SolverConfig) -> 
     return x
 
 
-def _backtrack(
-    posterior: Posterior, x: Unknowns, step: Unknowns, cost: float
-) -> tuple[Unknowns, FloatArray, float] | None:
+def _backtrack(posterior: Posterior, now: State, step: Unknowns) -> State | None:
     """The longest of a few shortened steps that lowers the cost; visibility may make the full one too long."""
     for _ in range(5):
-        trial = x.plus(step)
-        mu = posterior.predict(trial)
-        after = posterior.cost(trial, mu)
-        if np.isfinite(after) and after < cost:
-            return trial, mu, after
-        step = step.times(0.4)
+        x = now.x.plus(step)
+        mu = posterior.predict(x)
+        cost = posterior.cost(x, mu)
+        if np.isfinite(cost) and cost < now.cost:
+            return State(x, mu, cost)
+        step = step.times(_SHORTER)
     return None
