@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import binary_closing, gaussian_filter
-from scipy.sparse import csr_array
 
 from frontend.arrays import BoolArray, FloatArray
 from frontend.bottom import Bottom
 from frontend.heightfield import Heightfield
 from frontend.radiometry import Radiometry
 from frontend.reconstruction.forward import Raster, coverage
-from frontend.reconstruction.posterior import Altimeter, Posterior
+from frontend.reconstruction.measured_heights import below_track
+from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior
 from frontend.reconstruction.roughness import RoughnessConfig, believing, learn_roughness
+from frontend.reconstruction.shadow_ends import ShadowEnds, ShadowEndsConfig, find_shadow_ends, hear
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise
 from frontend.reconstruction.uncertainty import SigmaConfig, height_sigma, resample
 from frontend.reconstruction.unknowns import Unknowns
@@ -64,6 +65,7 @@ class JointConfig(BaseModel):
         default=12, ge=2, description="Every so many-th line [1] is kept aside to say when a solution fits only noise."
     )
     prior: PriorConfig = PriorConfig()
+    shadow_ends: ShadowEndsConfig = ShadowEndsConfig()
     roughness: RoughnessConfig = RoughnessConfig()
     sigma: SigmaConfig = SigmaConfig()
     solver: SolverConfig = SolverConfig()
@@ -146,7 +148,8 @@ def reconstruct_together(
     data = join([window_data(recording, each, bottom, radiometry) for each in windows])
     posteriors = coarse_to_fine(data, radiometry, config)
     roughness = learn_roughness(posteriors[0], config.roughness, config.solver, until)
-    levels = descend([believing(posterior, roughness) for posterior in posteriors], config.solver, until)
+    ends = find_shadow_ends(posteriors[-1], config.shadow_ends)
+    levels = descend([believing(posterior, roughness) for posterior in posteriors], config.solver, until, ends)
     posterior, solution = levels[-1]
     rng = np.random.default_rng([window.first_ping, window.end_ping])
     sigma = height_sigma(levels, config.sigma, config.solver, rng)
@@ -179,7 +182,7 @@ def coarse_to_fine(
 
 
 def descend(
-    posteriors: Sequence[Posterior], config: SolverConfig, until: float = np.inf
+    posteriors: Sequence[Posterior], config: SolverConfig, until: float = np.inf, ends: ShadowEnds | None = None
 ) -> list[tuple[Posterior, Solution]]:
     """Solve from the coarsest resolution down.
 
@@ -191,6 +194,9 @@ def descend(
         When to stop.
     until : float
         Time of the monotonic clock at which to stop [s].
+    ends : ShadowEnds or None
+        Shadows that tell heights; they are heard from the second resolution on, where the first one's surface says
+        which cells cast them.
 
     Returns
     -------
@@ -200,6 +206,8 @@ def descend(
     levels: list[tuple[Posterior, Solution]] = []
     for posterior in posteriors:
         start = _refined(*levels[-1], posterior) if levels else posterior.origin()
+        if levels and ends:
+            posterior = hear(ends, posterior, posterior.height(start))
         levels.append((posterior, minimise(posterior, start, config, until)))
     return levels
 
@@ -240,9 +248,10 @@ def make_posterior(data: WindowData, radiometry: Radiometry, config: JointConfig
     aside = _lines_aside(len(beams.sensor), config.held_out)
     seen = replace(bins, looks=np.where(aside, 0.0, bins.looks))
     prior = make_prior(raster, radiometry.tables, radiometry.seafloor, config.prior)
-    surface, altimeter = first_surface(data, raster), _altimeter(data, raster, config)
+    below = below_track(data, raster, config.altimeter_sigma, config.altimeter_length)
     held_out = np.where(aside, bins.looks, 0.0)
-    return Posterior(raster, beams, radiometry.tables, seen, prior, surface, altimeter, config.tail, held_out)
+    surface, nothing = first_surface(data, raster), np.zeros(raster.shape)
+    return Posterior(raster, beams, radiometry.tables, seen, prior, surface, below, config.tail, held_out, nothing)
 
 
 def _lines_aside(n_lines: int, every: int) -> BoolArray:
@@ -277,20 +286,6 @@ def first_surface(data: WindowData, raster: Raster) -> FloatArray:
     length = 0.35 * data.slant_range_max / raster.spacing
     top, base = (gaussian_filter(a, length, truncate=6.0, mode="nearest") for a in (sums, counts))
     return np.asarray(height.mean() + top / base)
-
-
-def _altimeter(data: WindowData, raster: Raster, config: JointConfig) -> Altimeter:
-    place = data.sensors[:, :, :2].mean(axis=1)
-    fx, fy = ((place - np.array(raster.origin)) / raster.spacing).T
-    column, row = fx.astype(int), fy.astype(int)
-    ax, ay = fx - column, fy - row
-    cells = np.stack([row * raster.n_x + column + o for o in (0, 1, raster.n_x, raster.n_x + 1)], axis=1)
-    weights = np.stack([(1 - ax) * (1 - ay), ax * (1 - ay), (1 - ax) * ay, ax * ay], axis=1)
-    n = len(place)
-    matrix = csr_array((weights.ravel(), (np.repeat(np.arange(n), 4), cells.ravel())), shape=(n, raster.n_cells))
-    step = np.hypot(*np.gradient(place, axis=0).T) if n > 1 else np.ones(1)
-    precision = np.minimum(step / config.altimeter_length, 1.0) / config.altimeter_sigma**2
-    return Altimeter(matrix, data.sensors[:, :, 2].mean(axis=1) - data.altitude, precision)
 
 
 def _submap(

@@ -3,38 +3,19 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from frontend.arrays import FloatArray
 from frontend.radiometry import Tables
 from frontend.reconstruction.forward import Beams, Bins, Raster, linearise, pull_back, render
+from frontend.reconstruction.measured_heights import MeasuredHeights
 from frontend.reconstruction.normal_equations import NormalEquations
 from frontend.reconstruction.priors import Prior
 from frontend.reconstruction.unknowns import Unknowns, nothing
 
 
 @dataclass(frozen=True)
-class Altimeter:
-    """Heights measured below the track.
-
-    Parameters
-    ----------
-    weights : csr_array, shape (P, n_cells)
-        Bilinear weights of the cells around each place.
-    height : ndarray, shape (P,)
-        Measured heights in the submap frame [m].
-    precision : ndarray, shape (P,)
-        Inverse variances [1/m^2].
-    """
-
-    weights: csr_array
-    height: FloatArray
-    precision: FloatArray
-
-
-@dataclass(frozen=True)
 class Posterior:
-    """Gamma likelihood of multilooked bins with a robust tail, altimeter and prior, at one resolution.
+    """Gamma likelihood of multilooked bins with a robust tail, measured heights and prior, at one resolution.
 
     Parameters
     ----------
@@ -44,12 +25,14 @@ class Posterior:
         Belief about the unknowns.
     expected : ndarray, shape (n_y, n_x)
         Surface that the background is added to: smooth, through the altimeter's heights [m].
-    altimeter : Altimeter
-        Heights below the track.
+    measured : MeasuredHeights
+        Heights below the track, and those that shadows tell.
     tail : float
         Deviance at which a bin counts half; larger outliers count less.
     held_out : ndarray, shape (P, 2, B)
         Looks of the bins that are kept aside; they say when to stop.
+    standing : ndarray, shape (n_y, n_x)
+        Heights that objects are likely to have [m]: how freely a step may change them, not what is believed of them.
     """
 
     raster: Raster
@@ -58,9 +41,10 @@ class Posterior:
     bins: Bins
     prior: Prior
     expected: FloatArray
-    altimeter: Altimeter
+    measured: MeasuredHeights
     tail: float
     held_out: FloatArray
+    standing: FloatArray
 
     def origin(self) -> Unknowns:
         """Where the prior is highest.
@@ -118,9 +102,9 @@ class Posterior:
         cost : float
             To be made small.
         """
-        miss = self._miss(x)
+        miss = self.measured.miss(self.height(x))
         echoes = self._robust(self.bins.looks, mu)
-        return float(echoes + 0.5 * (self.altimeter.precision * miss**2).sum() + self.prior.cost(x))
+        return float(echoes + 0.5 * (self.measured.precision * miss**2).sum() + self.prior.cost(x))
 
     def held_out_cost(self, mu: FloatArray) -> float:
         """What the bins that are kept aside say.
@@ -158,7 +142,9 @@ class Posterior:
         by_height, by_reflectivity, by_beam = pull_back(
             z, x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins, weight
         )
-        by_height += (self.altimeter.weights.T @ (self.altimeter.precision * self._miss(x))).reshape(z.shape)
+        by_height += (self.measured.weights.T @ (self.measured.precision * self.measured.miss(self.height(x)))).reshape(
+            z.shape
+        )
         by_gain = (by_mu * (mu - self.bins.floor)).sum(axis=2)
         echoes = Unknowns(by_height, by_height, by_reflectivity, by_beam, by_gain)
         return echoes.plus(self.prior.gradient(x))
@@ -195,15 +181,12 @@ class Posterior:
         """
         quiet = mu * np.exp(-x.gain)[:, :, None]  # rows are energies over mu, gains included
         rows = linearise(self.height(x), x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins, quiet)
-        below = (self.altimeter.weights, self.altimeter.precision)
-        precision = self.prior.object_precision(x.objects)
+        below = (self.measured.weights, self.measured.precision)
+        precision = self.prior.object_precision(np.maximum(np.abs(x.objects), self.standing))
         return NormalEquations(self.raster, self.prior, rows, self.data_weight(mu), below, precision)
 
     def _tables(self, x: Unknowns) -> Tables:
         return replace(self.tables, log_beam=self.tables.log_beam + x.beam)
-
-    def _miss(self, x: Unknowns) -> FloatArray:
-        return np.asarray(self.altimeter.weights @ self.height(x).ravel() - self.altimeter.height)
 
     def _robust(self, looks: FloatArray, mu: FloatArray) -> float:
         return float(0.5 * self.tail * np.log1p(_deviance(self.bins.intensity, looks, mu) / self.tail).sum())

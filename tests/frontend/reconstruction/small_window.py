@@ -10,7 +10,8 @@ from frontend.arrays import FloatArray
 from frontend.frames import rotation_world_body
 from frontend.radiometry import Seafloor, Tables
 from frontend.reconstruction.forward import Beams, Bins, Raster
-from frontend.reconstruction.posterior import Altimeter, Posterior
+from frontend.reconstruction.measured_heights import MeasuredHeights
+from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior
 from frontend.reconstruction.unknowns import Unknowns, nothing
 
@@ -39,12 +40,12 @@ def make_scene(pitch: float = 0.0, relief: float = 0.5) -> tuple[FloatArray, Flo
     return z, rho, raster, beams, bins
 
 
-def make_altimeter(raster: Raster) -> Altimeter:
+def make_altimeter(raster: Raster) -> MeasuredHeights:
     """Four heights under the track, each between two cells."""
     row, column = 35, np.array([7, 11, 15, 20])
     places = np.stack([row * raster.n_x + column, row * raster.n_x + column + 1], axis=1)
     weights = csr_array((np.full(8, 0.5), (np.repeat(np.arange(4), 2), places.ravel())), shape=(4, raster.n_cells))
-    return Altimeter(weights, np.array([-11.8, -12.1, -12.0, -12.3]), np.array([4.0, 8.0, 4.0, 2.0]))
+    return MeasuredHeights(weights, np.array([-11.8, -12.1, -12.0, -12.3]), np.array([4.0, 8.0, 4.0, 2.0]))
 
 
 def make_posterior(looks: float = 4.0, tail: float = 20.0, relief: float = 0.1) -> tuple[Posterior, Unknowns]:
@@ -56,7 +57,7 @@ def make_posterior(looks: float = 4.0, tail: float = 20.0, relief: float = 0.1) 
     x = Unknowns(z + 12.0, boulders, rho, beam, gain)
     expected, aside = np.full(raster.shape, -12.0), np.zeros(bins.looks.shape)
     prior = make_prior(raster, tables, Seafloor(0.1, 0.1, 8.0), PriorConfig())
-    empty = Posterior(raster, beams, tables, bins, prior, expected, make_altimeter(raster), tail, aside)
+    empty = Posterior(raster, beams, tables, bins, prior, expected, make_altimeter(raster), tail, aside, 0.0 * z)
     mu = empty.predict(x)
     echoes = mu * rng.gamma(max(looks, 1.0), 1 / max(looks, 1.0), mu.shape)
     return replace(empty, bins=replace(bins, intensity=echoes, looks=np.full(mu.shape, looks))), x

@@ -51,8 +51,8 @@ def test_draws_have_the_curvature_as_covariance() -> None:
 
 def test_the_preconditioner_is_the_inverse_without_echoes_and_altimeter() -> None:
     posterior, x = make_posterior()
-    altimeter = replace(posterior.altimeter, precision=np.zeros(4))
-    posterior = replace(without_echoes(posterior), altimeter=altimeter)
+    altimeter = replace(posterior.measured, precision=np.zeros(4))
+    posterior = replace(without_echoes(posterior), measured=altimeter)
     equations = posterior.curvature(x, posterior.predict(x))
     v = make_direction(posterior, np.random.default_rng(7))
     for found, expected in zip(equations.precondition(equations.multiply(v)), v, strict=True):

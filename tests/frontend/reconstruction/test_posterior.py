@@ -52,8 +52,8 @@ def test_cost_without_echoes_is_that_of_altimeter_and_prior_by_hand() -> None:
     x = posterior.origin()
     x.background[:] = 0.5  # half a metre above what is expected everywhere
     x.objects[3, 4] = 0.1
-    miss = -11.5 - posterior.altimeter.height
-    altimeter = 0.5 * (posterior.altimeter.precision * miss**2).sum()
+    miss = -11.5 - posterior.measured.height
+    altimeter = 0.5 * (posterior.measured.precision * miss**2).sum()
     background = 0.5 * 0.5**2 * posterior.prior.background[0, 0] * posterior.raster.n_cells
     objects = 0.5 * 0.5 * np.log(1 + (0.1 / 0.05) ** 2)
     assert at(posterior, x)[0] == pytest.approx(altimeter + background + objects)

@@ -12,7 +12,8 @@ from scipy.sparse import csr_array
 from frontend.arrays import FloatArray
 from frontend.radiometry import Seafloor
 from frontend.reconstruction.forward import Beams, Bins, Raster, render
-from frontend.reconstruction.posterior import Altimeter, Posterior
+from frontend.reconstruction.measured_heights import MeasuredHeights
+from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.priors import PriorConfig, make_prior, relief_spectrum, wavenumbers
 from frontend.reconstruction.roughness import Roughness, RoughnessConfig, believing, learn_roughness
 from frontend.reconstruction.solver import SolverConfig
@@ -50,9 +51,11 @@ def seen(relief: FloatArray, looks: float = 6.0) -> Posterior:
     mu = render(relief - 12.0, np.zeros(RASTER.shape), RASTER, beams, tables, bins)
     bins = replace(bins, intensity=mu * np.random.default_rng(2).gamma(6.0, 1 / 6.0, mu.shape))
     prior = make_prior(RASTER, tables, FLOOR, PriorConfig())
-    nothing_below = Altimeter(csr_array((1, RASTER.n_cells)), np.zeros(1), np.zeros(1))
+    nothing_below = MeasuredHeights(csr_array((1, RASTER.n_cells)), np.zeros(1), np.zeros(1))
     surface = np.full(RASTER.shape, -12.0)
-    return Posterior(RASTER, beams, tables, bins, prior, surface, nothing_below, 20.0, np.zeros(mu.shape))
+    return Posterior(
+        RASTER, beams, tables, bins, prior, surface, nothing_below, 20.0, np.zeros(mu.shape), np.zeros(RASTER.shape)
+    )
 
 
 def learnt(relief: FloatArray) -> FloatArray:

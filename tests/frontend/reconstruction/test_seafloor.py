@@ -53,7 +53,7 @@ def seen(floor: Seafloor, seed: int, boulders: float = 0.0, exponent: float = 2.
     bins = replace(bins, intensity=mu * rng.gamma(4.0, 0.25, mu.shape))
     prior = make_prior(raster, tables, Seafloor(), PriorConfig())
     surface, aside = np.full(raster.shape, -12.0), np.zeros(mu.shape)
-    return Posterior(raster, beams, tables, bins, prior, surface, make_altimeter(raster), 20.0, aside)
+    return Posterior(raster, beams, tables, bins, prior, surface, make_altimeter(raster), 20.0, aside, 0.0 * surface)
 
 
 @pytest.mark.parametrize("floor", [Seafloor(0.01, 0.2, 5.0), Seafloor(0.001, 0.1, 8.0), Seafloor(0.003, 0.3, 4.0)])

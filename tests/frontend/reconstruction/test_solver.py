@@ -26,7 +26,7 @@ def exact_heights(posterior: Posterior) -> np.ndarray:
     n = posterior.raster.n_cells
     identity = np.eye(n).reshape(n, *posterior.raster.shape)
     precision = from_cosine(posterior.prior.background * to_cosine(identity)).reshape(n, n)
-    weights, altimeter = posterior.altimeter.weights.toarray(), posterior.altimeter
+    weights, altimeter = posterior.measured.weights.toarray(), posterior.measured
     miss = altimeter.height - weights @ posterior.expected.ravel()
     normal = precision + weights.T @ (altimeter.precision[:, None] * weights)
     step = np.linalg.solve(normal, weights.T @ (altimeter.precision * miss))
@@ -98,7 +98,7 @@ def test_echoes_bring_the_surface_nearer_to_the_truth() -> None:
 
 def test_steps_are_bounded_in_cells() -> None:
     posterior = quadratic()
-    away = replace(posterior, altimeter=replace(posterior.altimeter, height=posterior.altimeter.height + 50.0))
+    away = replace(posterior, measured=replace(posterior.measured, height=posterior.measured.height + 50.0))
     solution = minimise(away, away.origin(), SolverConfig(n_steps=1, n_products=100, step_height=0.75))
     assert np.abs(solution.x.background + solution.x.objects).max() == pytest.approx(0.75)
 

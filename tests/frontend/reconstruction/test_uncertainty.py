@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from frontend.arrays import FloatArray
-from frontend.reconstruction.posterior import Altimeter, Posterior
+from frontend.reconstruction.measured_heights import MeasuredHeights
+from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.priors import PriorConfig, relief_spectrum, wavenumbers
 from frontend.reconstruction.solver import Solution, SolverConfig
 from frontend.reconstruction.uncertainty import SigmaConfig, height_sigma
@@ -34,8 +35,8 @@ def seen() -> Posterior:
 @pytest.fixture(scope="module")
 def blind(seen: Posterior) -> Posterior:
     """The same, nothing heard."""
-    silent = Altimeter(seen.altimeter.weights, seen.altimeter.height, 0.0 * seen.altimeter.precision)
-    return replace(seen, altimeter=silent, bins=replace(seen.bins, looks=0.0 * seen.bins.looks))
+    silent = MeasuredHeights(seen.measured.weights, seen.measured.height, 0.0 * seen.measured.precision)
+    return replace(seen, measured=silent, bins=replace(seen.bins, looks=0.0 * seen.bins.looks))
 
 
 @pytest.mark.parametrize("longest", [100.0, 400.0])
