@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 from scipy.sparse import csr_array
 
 from frontend.arrays import AnyArray, FloatArray
 from frontend.reconstruction.forward import Curvature, Raster
+from frontend.reconstruction.normal_kernels import _multiply_bins, _multiply_places, _pull, _square
 from frontend.reconstruction.priors import Prior, wavenumbers
-from frontend.reconstruction.unknowns import Unknowns, nothing
+from frontend.reconstruction.unknowns import Unknowns, from_cosine, to_cosine
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,32 @@ class NormalEquations:
         product : Unknowns
             As coordinates.
         """
-        data = self._multiply_data(v.from_coordinates()).to_coordinates()
-        return data.plus(self.prior.multiply(v, self.object_precision))
+        return v.filled(self.multiply_flat(v.flat()))
+
+    def multiply_flat(self, v: FloatArray) -> FloatArray:
+        """Curvature times a vector in one row.
+
+        Parameters
+        ----------
+        v : ndarray
+            A direction as coordinates, as `Unknowns.flat` gives it.
+
+        Returns
+        -------
+        product : ndarray, shape of v
+            As coordinates.
+        """
+        n, shape = self.raster.n_cells, (2, *self.raster.shape)
+        beam = slice(3 * n, 3 * n + 2 * len(self.prior.beam))
+        product = self._prior_diagonal * v
+        product[beam] = (v[beam].reshape(2, -1) @ self.prior.beam).ravel()
+        rasters, back = from_cosine(v[: 2 * n].reshape(shape)).reshape(2, n), np.zeros((2, n))
+        rasters[0] += v[2 * n : 3 * n]
+        _multiply_bins(self._entries, self.weight, (rasters, v[3 * n :]), back, product[3 * n :])
+        _multiply_places(self._below, rasters[0], back[0])
+        product[2 * n : 3 * n] += back[0]
+        product[: 2 * n] += to_cosine(back.reshape(shape)).ravel()
+        return product
 
     def precondition(self, v: Unknowns) -> Unknowns:
         """Roughly the inverse curvature times a vector.
@@ -69,11 +93,28 @@ class NormalEquations:
         step : Unknowns
             As coordinates; exact where all cells are seen alike.
         """
-        background, objects, reflectivity, beam, gain = self._preconditioner
-        turned = np.stack([b @ w for b, w in zip(beam, v.beam, strict=True)])
-        return Unknowns(
-            v.background / background, v.objects / objects, v.log_reflectivity / reflectivity, turned, v.gain / gain
-        )
+        return v.filled(self.precondition_flat(v.flat()))
+
+    def precondition_flat(self, v: FloatArray) -> FloatArray:
+        """Roughly the inverse curvature times a vector in one row.
+
+        Parameters
+        ----------
+        v : ndarray
+            A gradient as coordinates, as `Unknowns.flat` gives it.
+
+        Returns
+        -------
+        step : ndarray, shape of v
+            As coordinates.
+        """
+        diagonal, beam = self._preconditioner
+        first, n_knots = 3 * self.raster.n_cells, len(self.prior.beam)
+        step = v / diagonal
+        for side in range(2):
+            knots = slice(first + side * n_knots, first + (side + 1) * n_knots)
+            step[knots] = beam[side] @ v[knots]
+        return step
 
     def draw(self, rng: np.random.Generator) -> Unknowns:
         """A random vector whose covariance is the curvature.
@@ -96,7 +137,7 @@ class NormalEquations:
     @property
     def background_gain(self) -> FloatArray:
         """Shape (n_y, n_x): share of each wave's variance that the data tell, patches of sediment being possible."""
-        background, _, reflectivity, _, _ = self._preconditioner
+        background, reflectivity = self._smooth_information
         patches = self.prior.reflectivity / reflectivity  # what is left once an unknown reflectivity is allowed for
         told = (background - self.prior.background) * patches
         return np.asarray(told / (told + self.prior.background))
@@ -111,15 +152,6 @@ class NormalEquations:
             nearest = np.rint(position[:, side]).astype(np.int64)
             knots[side] = np.bincount(nearest.ravel(), information.ravel(), knots.shape[1])
         return knots
-
-    def _multiply_data(self, v: Unknowns) -> Unknowns:
-        """What bins and altimeter add to the curvature, times a direction, as rasters."""
-        heights = (v.background + v.objects).ravel()
-        change = np.empty(self.weight.shape)
-        rasters = (heights, np.ascontiguousarray(v.log_reflectivity).ravel())
-        _push(self._entries, rasters, v.beam, v.gain, change)
-        weights, precision = self.below
-        return self._pull(self.weight * change, weights.T @ (precision * (weights @ heights)))
 
     def _pull(self, values: FloatArray, height: FloatArray) -> Unknowns:
         """Adjoint of the Jacobian of ln mu, and something added to the heights."""
@@ -136,72 +168,40 @@ class NormalEquations:
         return rows.cell, rows.by_height, rows.by_reflectivity, rows.n_cells, rows.share, rows.knot
 
     @cached_property
-    def _preconditioner(self) -> tuple[FloatArray, ...]:
-        """Diagonals in coordinates; of the beam pattern the inverse of a matrix a side."""
-        cells = np.zeros(self.raster.n_cells)
-        _square(self.rows.cell, self.rows.by_height, self.rows.n_cells, self.weight, cells)
+    def _below(self) -> tuple[AnyArray, ...]:
+        weights, precision = self.below
+        return weights.indptr, weights.indices, weights.data, precision
+
+    @cached_property
+    def _prior_diagonal(self) -> FloatArray:
+        """Precisions in the order of `Unknowns.flat`; those of the beam pattern are a matrix and left out."""
+        zero, gain = np.zeros((2, len(self.prior.beam))), np.full(self.weight.shape[:2], self.prior.gain)
+        prior = self.prior
+        return Unknowns(prior.background, self.object_precision, prior.reflectivity, zero, gain).flat()
+
+    @cached_property
+    def _squares(self) -> tuple[FloatArray, FloatArray]:
+        """What the data say about the height of each cell, and about the level of heights and of reflectivity."""
+        cells, levels = np.zeros(self.raster.n_cells), np.zeros(2)
+        _square(self._entries, self.weight, cells, levels)
+        weights, precision = self.below
+        levels[0] += (precision * np.asarray(weights.sum(axis=1)) ** 2).sum()
+        return cells, levels / self.raster.n_cells
+
+    @cached_property
+    def _smooth_information(self) -> tuple[FloatArray, FloatArray]:
+        """Diagonals in coordinates: of the background and of the reflectivity."""
+        cells, (height, reflectivity) = self._squares
         k2_y, k2_x = wavenumbers(self.raster)
         across = (0.8 * k2_y + 0.2 * k2_x) * self.raster.spacing**2  # the frame's y runs across the track
+        return self.prior.background + 0.5 * cells.mean() * across + height, self.prior.reflectivity + reflectivity
+
+    @cached_property
+    def _preconditioner(self) -> tuple[FloatArray, FloatArray]:
+        """Diagonal in the order of `Unknowns.flat`, 1 for the beam pattern; of that the inverse of a matrix a side."""
+        background, reflectivity = self._smooth_information
+        objects = self.object_precision + self._squares[0].reshape(self.raster.shape)
+        gain = self.prior.gain + (self.weight * self.rows.share**2).sum(axis=2)
         information = [np.diag(side) for side in self.beam_information]
-        return (
-            self.prior.background + 0.5 * cells.mean() * across + self._information_of_level("background"),
-            self.object_precision + cells.reshape(self.raster.shape),
-            self.prior.reflectivity + self._information_of_level("log_reflectivity"),
-            np.stack([np.linalg.inv(self.prior.beam + side) for side in information]),
-            self.prior.gain + (self.weight * self.rows.share**2).sum(axis=2),
-        )
-
-    def _information_of_level(self, name: str) -> float:
-        """What the data say, a cell, about adding the same to a whole raster."""
-        v = nothing(self.raster.shape, len(self.prior.beam), len(self.weight))
-        getattr(v, name)[:] = 1.0
-        return float(getattr(self._multiply_data(v), name).mean())
-
-
-@numba.njit(cache=True, nogil=True)
-def _push(entries, rasters, beam, gain, change):  # type: ignore[no-untyped-def]
-    """Change of ln mu of every bin in a direction."""
-    cell, by_height, by_reflectivity, n_cells, shares, knots = entries
-    height, reflectivity = rasters
-    for ping in range(cell.shape[0]):
-        for side in range(2):
-            for b in range(cell.shape[2]):
-                c, jz, jr = cell[ping, side, b], by_height[ping, side, b], by_reflectivity[ping, side, b]
-                knot = knots[ping, side, b]
-                k = min(int(knot), beam.shape[1] - 2)
-                sonar = gain[ping, side] + beam[side, k] + (knot - k) * (beam[side, k + 1] - beam[side, k])
-                total = shares[ping, side, b] * sonar
-                for i in range(n_cells[ping, side, b]):
-                    total += jz[i] * height[c[i]] + jr[i] * reflectivity[c[i]]
-                change[ping, side, b] = total
-
-
-@numba.njit(cache=True, nogil=True)
-def _pull(entries, values, out, beam, gain):  # type: ignore[no-untyped-def]
-    """The transpose of `_push`."""
-    cell, by_height, by_reflectivity, n_cells, shares, knots = entries
-    for ping in range(cell.shape[0]):
-        for side in range(2):
-            for b in range(cell.shape[2]):
-                value = values[ping, side, b]
-                if value == 0.0:
-                    continue
-                c, jz, jr = cell[ping, side, b], by_height[ping, side, b], by_reflectivity[ping, side, b]
-                for i in range(n_cells[ping, side, b]):
-                    out[0, c[i]] += jz[i] * value
-                    out[1, c[i]] += jr[i] * value
-                knot, sonar = knots[ping, side, b], shares[ping, side, b] * value
-                k = min(int(knot), beam.shape[1] - 2)
-                beam[side, k] += (k + 1 - knot) * sonar
-                beam[side, k + 1] += (knot - k) * sonar
-                gain[ping, side] += sonar
-
-
-@numba.njit(cache=True, nogil=True)
-def _square(cell, by_height, n_cells, weight, cells):  # type: ignore[no-untyped-def]
-    """Weighted sums of squared derivatives by the height of each cell."""
-    for ping in range(weight.shape[0]):
-        for side in range(2):
-            for b in range(weight.shape[2]):
-                for i in range(n_cells[ping, side, b]):
-                    cells[cell[ping, side, b, i]] += weight[ping, side, b] * by_height[ping, side, b, i] ** 2
+        diagonal = Unknowns(background, objects, reflectivity, np.ones((2, len(self.prior.beam))), gain).flat()
+        return diagonal, np.stack([np.linalg.inv(self.prior.beam + side) for side in information])

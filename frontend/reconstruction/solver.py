@@ -146,19 +146,21 @@ def solve(equations: NormalEquations, right: Unknowns, config: SolverConfig) -> 
     x : Unknowns
         An approximate solution, as coordinates; a descent direction wherever it stops.
     """
-    x, residual = right.times(0.0), right
-    direction = z = equations.precondition(residual)
-    start = energy = residual.dot(z)
+    residual = right.flat()
+    x = np.zeros_like(residual)
+    direction = z = equations.precondition_flat(residual)
+    start = energy = float(np.einsum("i,i", residual, z))  # not by BLAS, whose sums depend on its threads
     for _ in range(config.n_products if start > 0 else 0):
-        product = equations.multiply(direction)
-        length = energy / direction.dot(product)
-        x, residual = x.plus(direction, length), residual.plus(product, -length)
-        z = equations.precondition(residual)
-        energy, before = residual.dot(z), energy
+        product = equations.multiply_flat(direction)
+        length = energy / float(np.einsum("i,i", direction, product))
+        x += length * direction
+        residual -= length * product
+        z = equations.precondition_flat(residual)
+        energy, before = float(np.einsum("i,i", residual, z)), energy
         if energy <= config.tolerance**2 * start:
             break
-        direction = z.plus(direction, energy / before)
-    return x
+        direction = z + (energy / before) * direction
+    return right.filled(x)
 
 
 def _backtrack(posterior: Posterior, now: State, step: Unknowns) -> State | None:

@@ -89,6 +89,36 @@ class Unknowns:
         # not by BLAS, whose threads would cost more than they save, and whose sums depend on their number
         return float(sum(np.einsum("ij,ij", a, b) for a, b in zip(self, other, strict=True)))
 
+    def flat(self) -> FloatArray:
+        """All entries in one row: the linear solves go along hundreds of directions.
+
+        Returns
+        -------
+        row : ndarray, shape (3 * n_y * n_x + 2 * K + 2 * P,)
+            Background, reflectivity, objects, beam pattern, gains; a copy.
+        """
+        parts = (self.background, self.log_reflectivity, self.objects, self.beam, self.gain)
+        return np.concatenate([part.ravel() for part in parts])
+
+    def filled(self, row: FloatArray) -> Self:
+        """The same kind of point with other entries.
+
+        Parameters
+        ----------
+        row : ndarray
+            As `flat` gives it.
+
+        Returns
+        -------
+        unknowns : Unknowns
+            Views of the row.
+        """
+        parts = (self.background, self.log_reflectivity, self.objects, self.beam, self.gain)
+        ends = np.cumsum([part.size for part in parts])
+        pieces = zip(np.split(row, ends[:-1]), parts, strict=True)
+        background, log_reflectivity, objects, beam, gain = (piece.reshape(part.shape) for piece, part in pieces)
+        return type(self)(background, objects, log_reflectivity, beam, gain)
+
     def to_coordinates(self) -> Self:
         """Cosine coefficients in place of the two smooth rasters.
 
@@ -97,9 +127,8 @@ class Unknowns:
         coordinates : Unknowns
             The same point or direction.
         """
-        return type(self)(
-            to_cosine(self.background), self.objects, to_cosine(self.log_reflectivity), self.beam, self.gain
-        )
+        background, log_reflectivity = to_cosine(np.stack([self.background, self.log_reflectivity]))
+        return type(self)(background, self.objects, log_reflectivity, self.beam, self.gain)
 
     def from_coordinates(self) -> Self:
         """Rasters in place of the cosine coefficients.
@@ -109,9 +138,8 @@ class Unknowns:
         unknowns : Unknowns
             The same point or direction.
         """
-        return type(self)(
-            from_cosine(self.background), self.objects, from_cosine(self.log_reflectivity), self.beam, self.gain
-        )
+        background, log_reflectivity = from_cosine(np.stack([self.background, self.log_reflectivity]))
+        return type(self)(background, self.objects, log_reflectivity, self.beam, self.gain)
 
 
 def nothing(shape: tuple[int, int], n_knots: int, n_lines: int) -> Unknowns:

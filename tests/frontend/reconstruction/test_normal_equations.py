@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frontend.arrays import FloatArray
 from frontend.reconstruction import normal_equations as module
 from tests.frontend.reconstruction.small_window import make_direction, make_posterior, only
 from tests.frontend.reconstruction.test_posterior import PARTS, without_echoes
@@ -67,19 +68,55 @@ def test_information_on_the_beam_lies_at_the_angles_that_were_seen() -> None:
     assert (information[:, angle < -0.3] == 0).all()
 
 
-def test_compiled_products_do_what_their_python_says() -> None:
+def dense_jacobian(equations: module.NormalEquations) -> FloatArray:
+    """Shape (P * 2 * B, 3 * n_cells + 2 * K + 2 * P): derivatives of ln mu by the entries of a flat direction."""
+    rows, n, n_knots = equations.rows, equations.raster.n_cells, len(equations.prior.beam)
+    jacobian = np.zeros((*rows.share.shape, 3 * n + 2 * n_knots + 2 * len(rows.share)))
+    for ping, side, b in np.ndindex(rows.share.shape):
+        row, share, knot = jacobian[ping, side, b], rows.share[ping, side, b], rows.knot[ping, side, b]
+        used = slice(rows.n_cells[ping, side, b])
+        cells = rows.cell[ping, side, b, used]
+        row[cells], row[n + cells] = rows.by_height[ping, side, b, used], rows.by_reflectivity[ping, side, b, used]
+        row[2 * n + cells] = row[cells]
+        k = min(int(knot), n_knots - 2)
+        row[3 * n + side * n_knots + np.array([k, k + 1])] = share * np.array([k + 1 - knot, knot - k])
+        row[3 * n + 2 * n_knots + 2 * ping + side] = share
+    return jacobian.reshape(-1, jacobian.shape[-1])
+
+
+def test_products_are_those_of_the_matrices() -> None:
     posterior, x = make_posterior()
     equations = posterior.curvature(x, posterior.predict(x))
-    v = make_direction(posterior, np.random.default_rng(8)).from_coordinates()
-    rasters, shape = ((v.background + v.objects).ravel(), v.log_reflectivity.ravel()), equations.weight.shape
-    results = []
-    for kernels in (
-        (module._push, module._pull),
-        tuple(getattr(k, "py_func", k) for k in (module._push, module._pull)),
-    ):
-        change, out = np.empty(shape), (np.zeros((2, posterior.raster.n_cells)), np.zeros((2, 61)), np.zeros(shape[:2]))
-        kernels[0](equations._entries, rasters, v.beam, v.gain, change)
-        kernels[1](equations._entries, change, *out)
-        results.append((change, *out))
-    for fast, plain in zip(*results, strict=True):
-        np.testing.assert_allclose(fast, plain, rtol=1e-5, atol=1e-7 * np.abs(plain).max())  # single precision
+    weight = np.where(np.arange(60) % 7 == 0, 0.0, equations.weight)  # some bins say nothing
+    equations = replace(equations, weight=weight)
+    v = make_direction(posterior, np.random.default_rng(8))
+    jacobian, direction = dense_jacobian(equations), v.from_coordinates()
+    data = v.filled(jacobian.T @ (weight.ravel() * (jacobian @ direction.flat())))
+    below, precision = equations.below
+    height = below.T @ (precision * (below @ (direction.background + direction.objects).ravel()))
+    for raster in (data.background, data.objects):
+        raster += height.reshape(raster.shape)
+    expected = data.to_coordinates().plus(equations.prior.multiply(v, equations.object_precision))
+    for part, wanted in zip(equations.multiply(v), expected, strict=True):
+        np.testing.assert_allclose(part, wanted, atol=1e-12 * np.abs(wanted).max())  # sums in another order
+
+
+def test_draws_pull_back_what_the_matrix_pulls_back() -> None:
+    posterior, x = make_posterior()
+    equations = posterior.curvature(x, posterior.predict(x))
+    values = np.random.default_rng(9).standard_normal(equations.weight.shape)
+    found = equations._pull(values, np.zeros(posterior.raster.n_cells))
+    expected = found.filled(dense_jacobian(equations).T @ values.ravel())
+    for part, wanted in zip(found, expected, strict=True):
+        np.testing.assert_allclose(part, wanted, atol=1e-12 * np.abs(wanted).max())  # sums in another order
+
+
+def test_information_of_a_level_is_what_raising_all_cells_finds() -> None:
+    posterior, x = make_posterior()
+    equations = posterior.curvature(x, posterior.predict(x))
+    n, information = posterior.raster.n_cells, equations._smooth_information
+    without = replace(equations, prior=replace(equations.prior, background=0.0 * equations.prior.background))
+    level = np.zeros(dense_jacobian(equations).shape[1])
+    level[0] = np.sqrt(n)  # the coefficient of a metre everywhere
+    found = without.multiply_flat(level)[0] / np.sqrt(n)
+    assert information[0][0, 0] - equations.prior.background[0, 0] == pytest.approx(found, rel=1e-6)
