@@ -250,4 +250,4 @@ def _pack(beams: Beams) -> FloatArray:
 
 def _pack_tables(tables: Tables) -> tuple[FloatArray, FloatArray, FloatArray]:
     scalars = np.array([tables.angle_first, tables.angle_step, tables.range_step, tables.exponent])
-    return tables.log_beam, tables.log_range, scalars
+    return tables.log_beam, tables.log_range[None], scalars

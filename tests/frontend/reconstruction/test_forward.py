@@ -234,7 +234,7 @@ def test_compiled_kernels_do_what_their_python_says() -> None:
     row = np.zeros((1, 2, 16))  # a line along x at the origin: side axis, up axis, heading, walk
     row[..., 8], row[..., 9], row[:, 0, 4], row[:, 0, 12], row[:, 1, 4], row[:, 1, 12] = 1, 1, 1, 1, -1, -1
     tables = make_tables()
-    packed = (tables.log_beam, tables.log_range, np.array([-0.5, 0.035, 0.25, 2.0]))
+    packed = (tables.log_beam, tables.log_range[None], np.array([-0.5, 0.035, 0.25, 2.0]))
     weight = np.random.default_rng(1).standard_normal((1, 2, 60))
     results = []
     for compiled in (True, False):
