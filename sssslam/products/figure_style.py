@@ -18,6 +18,7 @@ REASON_COLOURS = ("#E69F00", "#CC79A7", "#56B4E9", "#D55E00", "#999999")
 INK, UNKNOWN = "#1d2733", "#e9edf1"
 HEIGHT_COLOURS = "YlGnBu_r"
 MAX_PIXELS = 1600  # of a drawn grid along its longer side; more cannot be seen on a page
+_LEVEL = 3  # of a PNG's compression: twice as fast as the usual 6, a tenth larger
 
 _STYLE = {
     "font.family": "DejaVu Sans",
@@ -28,6 +29,7 @@ _STYLE = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.titlecolor": INK,
+    "axes.titley": 1.0,  # where it would stand anyway; to find that out takes a sixth of the time of many axes
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -93,7 +95,7 @@ def png(figure: Figure) -> bytes:
         A PNG without the name and version of the software that made it.
     """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None}, pil_kwargs={"compress_level": _LEVEL})
     return buffer.getvalue()
 
 

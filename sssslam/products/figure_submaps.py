@@ -150,3 +150,5 @@ def _finish(figure: Any, axes: Any, scale: Any, title: str) -> None:
     # a narrow map stands at the left of its place, where its title has room
     bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02, panchor=(0.0, 0.5))
     bar.ax.tick_params(labelsize=7.5)
+    for axis in (axes.xaxis, axes.yaxis, bar.ax.xaxis, bar.ax.yaxis):
+        axis.set_label_coords(0.0, 0.0)  # there is no label, and its place is not worth looking for
