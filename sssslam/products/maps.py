@@ -11,6 +11,7 @@ from frontend.arrays import BoolArray, FloatArray
 from frontend.frames import invert, level, transform
 from frontend.heightfield import Heightfield
 from frontend.submaps import Submap
+from frontend.threads import in_order
 
 _log = logging.getLogger(__name__)
 
@@ -62,9 +63,11 @@ def blend_submaps(submaps: Sequence[Submap], T_world_submap: FloatArray) -> Seaf
     T_world_submap = level(T_world_submap)
     x, y, spacing = _grid(submaps, T_world_submap)
     sums = np.zeros((5, y.size, x.size))
-    for submap, T in zip(submaps, T_world_submap, strict=True):
-        columns, rows = _cells_below(submap, T, x, y)
-        sums[:, rows, columns] += _weighted(submap, T, x[columns], y[rows])
+    parts = list(zip(submaps, T_world_submap, strict=True))
+    cells = [_cells_below(submap, T, x, y) for submap, T in parts]
+    below = [(*part, x[columns], y[rows]) for part, (columns, rows) in zip(parts, cells, strict=True)]
+    for (columns, rows), weighted in zip(cells, in_order(lambda part: _weighted(*part), below), strict=True):
+        sums[:, rows, columns] += weighted
     return _divide(sums, spacing, (float(x[0]), float(y[0])))
 
 
