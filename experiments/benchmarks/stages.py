@@ -7,6 +7,8 @@ import statistics
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numba
 
@@ -15,13 +17,35 @@ from sssslam.simulation import load_scene, simulate
 from sssslam.watch import Watch
 
 
-def times(recording: sssslam.Recording) -> dict[str, float]:
-    """Seconds of each stage of one run."""
-    watch = Watch()
+class ProcessorWatch(Watch):
+    """Keeps processor time of all threads beside the time of the clock: on a busy machine only that compares."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.processor: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time a stage."""
+        start = time.process_time()
+        with super().stage(name):
+            yield
+        self.processor[name] = self.processor.get(name, 0.0) + time.process_time() - start
+
+
+def times(recording: sssslam.Recording) -> tuple[dict[str, float], dict[str, float]]:
+    """Seconds of each stage of one run, by the clock and of the processors."""
+    watch = ProcessorWatch()
     result = sssslam.slam(recording, watch=watch)
     with tempfile.TemporaryDirectory() as folder, watch.stage("products"):
         result.write(folder)
-    return dict(watch.seconds)
+    return dict(watch.seconds), watch.processor
+
+
+def row(stage: str, first: float, later: list[float], processor: list[float]) -> str:
+    """A row of the table, of milliseconds a ping."""
+    spread = f"{min(later):.2f} to {max(later):.2f}"
+    return f"| {stage} | {first:.2f} | {statistics.median(later):.2f} | {spread} | {statistics.median(processor):.2f} |"
 
 
 def main() -> None:
@@ -40,15 +64,14 @@ def main() -> None:
     machine = f"{platform.machine()}, {numba.config.NUMBA_NUM_THREADS} threads, Python {platform.python_version()}"
     print(f"scene {arguments.scene}, {part.n_pings} pings of 2 x {part.n_samples} samples")
     print(f"commit {commit.stdout.strip()}, {machine}, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores\n")
-    print("| stage | first run [ms a ping] | median later [ms a ping] | spread [ms a ping] |\n|---|---|---|---|")
-    print(f"| simulation, compilation included | | {simulated:.2f} | |")
-    for stage, seconds in first.items():
-        rest = [1e3 * run[stage] / part.n_pings for run in later]
-        spread = f"{min(rest):.2f} to {max(rest):.2f}"
-        print(f"| {stage} | {1e3 * seconds / part.n_pings:.2f} | {statistics.median(rest):.2f} | {spread} |")
-    totals = [1e3 * sum(run.values()) / part.n_pings for run in later]
-    spread = f"{min(totals):.2f} to {max(totals):.2f}"
-    print(f"| all | {1e3 * sum(first.values()) / part.n_pings:.2f} | {statistics.median(totals):.2f} | {spread} |")
+    print("Milliseconds a ping.\n\n| stage | first run | median later | spread | processor |\n|---|---|---|---|---|")
+    print(f"| simulation, compilation included | | {simulated:.2f} | | |")
+    scale = 1e3 / part.n_pings
+    for stage, seconds in first[0].items():
+        later_of_stage = [[scale * kind[stage] for kind in kinds] for kinds in zip(*later, strict=True)]
+        print(row(stage, scale * seconds, *later_of_stage))
+    totals = [[scale * sum(kind.values()) for kind in kinds] for kinds in zip(*later, strict=True)]
+    print(row("all", scale * sum(first[0].values()), *totals))
 
 
 if __name__ == "__main__":
