@@ -87,6 +87,11 @@ class BlockFactor:
         solve_blocks(pattern.start, pattern.rows, self.diagonal, self.below, solution)
         return np.asarray(solution[pattern.place])
 
+    @property
+    def log_determinant(self) -> float:
+        """Natural logarithm of the matrix's determinant."""
+        return 2.0 * float(np.log(np.diagonal(self.diagonal, axis1=1, axis2=2)).sum())
+
     def inverse_diagonal(self) -> FloatArray:
         """Blocks of the inverse that lie on its diagonal.
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from backend.arrays import FloatArray, IntArray
+from backend.constant_errors import ConstantErrors
 from backend.drift_model import DeadReckoningConfig, constant_sds, deviation, propagate, quarter_turn
 from backend.poses import as_poses, cross_matrix, sandwich
 
@@ -112,6 +113,30 @@ class DeadReckoning:
         """
         return np.asarray(self._relative([first], [second], slack=self.config.unary_slack)[0])
 
+    def constant_errors(self, pings: ArrayLike) -> ConstantErrors | None:
+        """What errors that are constant over the dive do to the first of some pings and to each step to the next.
+
+        Parameters
+        ----------
+        pings : array_like of int, shape (S,)
+            The pings, ascending.
+
+        Returns
+        -------
+        constants : ConstantErrors or None
+            Of scale, misalignment and the two deviations of the heading, which ``odometry_covariance`` holds too; None
+            where the track's errors are of another kind.
+        """
+        numbers = self._pings(pings)
+        i, j = numbers[:-1], numbers[1:]
+        steps = self._at_pings(j) @ (self._constant[j] - self._constant[i])
+        moves = np.zeros((len(numbers), 6, steps.shape[2]))
+        moves[1:, _PLANAR] = steps
+        moves[0, _PLANAR] = (self._at_pings(numbers[:1]) @ (self._constant[numbers[:1]] + self._at_start))[0]
+        to_body = np.swapaxes(self._T[i, :3, :3], 1, 2)
+        moves[1:, :3], moves[1:, 3:] = to_body @ moves[1:, :3], to_body @ moves[1:, 3:]
+        return ConstantErrors(moves, self._turned(i, j, self._random_covariance(i, j), self.config.unary_slack))
+
     def drift_variances(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
         """How far the track may have drifted between pings, along the world's axes.
 
@@ -130,9 +155,7 @@ class DeadReckoning:
         return np.stack([x, y, np.zeros_like(x), yaw], axis=1)
 
     def unseen_variances(self, origin: int) -> FloatArray:
-        """How far the whole track may be stretched and turned about one ping, which no closure can see.
-
-        Scale and misalignment of the velocity are constant: places met again are met again in the wrong place.
+        """How far the whole track may be stretched and turned about one ping beyond what a graph can say.
 
         Parameters
         ----------
@@ -142,12 +165,10 @@ class DeadReckoning:
         Returns
         -------
         variances : ndarray, shape (N, 4)
-            Of x, y, z [m**2] and yaw [rad**2] of every ping.
+            Of x, y, z [m**2] and yaw [rad**2] of every ping: none, as the graph solves for the constant errors.
         """
-        ping = int(self._pings(origin)[0])
-        along = (self._T[:, :2, 3] - self._T[ping, :2, 3]) ** 2
-        variance = self.config.velocity_scale_sd**2 * along + self.config.velocity_misalignment_sd**2 * along[:, ::-1]
-        return np.pad(variance, ((0, 0), (0, 2)))
+        self._pings(origin)
+        return np.zeros((self.n_pings, 4))
 
     @cached_property
     def covariances(self) -> FloatArray:
@@ -181,25 +202,39 @@ class DeadReckoning:
         scaled = np.pad(step, ((0, 0), (1, 0)))
         constant = np.concatenate([scaled[:, :, None], sideways[:, :, None], deviating], axis=2)
         self._constant = _cumulate(constant * constant_sds(config))
+        # the heading deviates at the first ping too: a turn of all that comes after about it
+        at_start = np.concatenate([[1.0], -quarter_turn(self._position[0])])
+        self._at_start = np.outer(at_start, np.pad(deviation(self._T)[0], (2, 0)) * constant_sds(config))
 
     def _planar_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
         """Covariance of yaw, x and y of ping j, seen from ping i, along the world's axes."""
-        twist = self._random[np.maximum(i, j)] - self._random[np.minimum(i, j)]
-        constant = self._constant[j] - self._constant[i]
+        constant = self._at_pings(j) @ (self._constant[j] - self._constant[i])
+        return self._random_covariance(i, j) + constant @ np.swapaxes(constant, 1, 2)
+
+    def _random_covariance(self, i: IntArray, j: IntArray) -> FloatArray:
+        """The part of it that is no constant error's."""
+        return sandwich(self._at_pings(j), self._random[np.maximum(i, j)] - self._random[np.minimum(i, j)])
+
+    def _at_pings(self, j: IntArray) -> FloatArray:
+        """What twists about the world's origin are at pings."""
         at_ping = np.tile(np.eye(3), (len(j), 1, 1))
         at_ping[:, 1:, 0] = quarter_turn(self._position[j])
-        return sandwich(at_ping, twist + constant @ np.swapaxes(constant, 1, 2))
+        return at_ping
 
     def _relative(self, first: ArrayLike, second: ArrayLike, slack: float) -> FloatArray:
         """Covariances of relative poses along the first body's axes, depth and tilt sigmas times the slack."""
         i, j = self._pings(first), self._pings(second)
+        return self._turned(i, j, self._planar_covariance(i, j), slack) * (i != j)[:, None, None]
+
+    def _turned(self, i: IntArray, j: IntArray, planar: FloatArray, slack: float) -> FloatArray:
+        """Covariances of yaw, x and y with those of depth and tilt, along the first body's axes."""
         covariance = np.zeros((len(i), 6, 6))
-        covariance[np.ix_(range(len(i)), _PLANAR, _PLANAR)] = self._planar_covariance(i, j)
+        covariance[np.ix_(range(len(i)), _PLANAR, _PLANAR)] = planar
         covariance[:, 5, 5] += 2.0 * (slack * self.config.depth_sd) ** 2
         covariance += (slack * self.config.tilt_sd) ** 2 * _tilt_pattern(self._T[j, :3, 3] - self._T[i, :3, 3])
         turn = np.zeros((len(i), 6, 6))
         turn[:, :3, :3] = turn[:, 3:, 3:] = np.swapaxes(self._T[i, :3, :3], 1, 2)
-        return sandwich(turn, covariance) * (i != j)[:, None, None]
+        return sandwich(turn, covariance)
 
 
 def _cumulate(steps: FloatArray) -> FloatArray:

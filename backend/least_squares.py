@@ -13,7 +13,7 @@ import numpy as np
 
 from backend.arrays import FloatArray, IntArray
 from backend.block_cholesky import BlockPattern, analyse
-from backend.term_kernels import add_relative, add_unaries, squared_residuals, squared_unaries
+from backend.term_kernels import add_border, add_relative, add_unaries, squared_residuals, squared_unaries
 from backend.terms import WORLD, RelativeTerms, UnaryTerms
 
 
@@ -29,15 +29,20 @@ class LeastSquares:
         Relative poses: the first pose, odometry, closures.
     unary : UnaryTerms
         What is known of anchors by themselves.
+    known_pattern : BlockPattern, optional
+        Of other least squares between the same anchors.
     """
 
     n_anchors: int
     relative: RelativeTerms
     unary: UnaryTerms
+    known_pattern: BlockPattern | None = None
 
     @cached_property
     def pattern(self) -> BlockPattern:
         """Which blocks a factor of the normal equations has."""
+        if self.known_pattern is not None:
+            return self.known_pattern
         between = self.relative.ends[self.relative.ends[:, 0] != WORLD]
         return analyse(self.n_anchors, between[:, 0], between[:, 1])
 
@@ -54,9 +59,22 @@ class LeastSquares:
         least_squares : LeastSquares
             The same but for that; the pattern is not looked for again.
         """
-        other = replace(self, relative=replace(self.relative, weights=weights))
-        other.__dict__["pattern"] = self.pattern
-        return other
+        return self.measured(replace(self.relative, weights=weights))
+
+    def measured(self, relative: RelativeTerms) -> "LeastSquares":
+        """Measure or weigh the relative poses otherwise.
+
+        Parameters
+        ----------
+        relative : RelativeTerms
+            Between the same anchors in the same order.
+
+        Returns
+        -------
+        least_squares : LeastSquares
+            The same but for that; the pattern is not looked for again.
+        """
+        return LeastSquares(self.n_anchors, relative, self.unary, self.pattern)
 
     def squared_residuals(self, T_world_anchor: FloatArray) -> FloatArray:
         """Compare relative poses with their own covariances.
@@ -112,6 +130,30 @@ class LeastSquares:
         placed = np.empty_like(diagonal)
         placed[pattern.place] = diagonal
         return placed, below, gradient
+
+    def border(self, T_world_anchor: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Model the error where a few numbers move many residuals.
+
+        Parameters
+        ----------
+        T_world_anchor : ndarray, shape (S, 4, 4)
+            The poses.
+        slopes : ndarray, shape (Q, 6, K)
+            How K numbers move the whitened residuals of the first Q relative poses.
+
+        Returns
+        -------
+        border : ndarray, shape (S, 6, K)
+            Information that poses and numbers share.
+        information : ndarray, shape (K, K)
+            Of the numbers.
+        gradient : ndarray, shape (K,)
+            Of the error by them.
+        """
+        k = slopes.shape[2]
+        sums = np.zeros((self.n_anchors, 6, k)), np.zeros((k, k)), np.zeros(k)
+        add_border(T_world_anchor, self._relative, np.ascontiguousarray(slopes), sums)
+        return sums
 
     @property
     def _relative(self) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:

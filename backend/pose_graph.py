@@ -12,6 +12,7 @@ from backend.arrays import FloatArray
 from backend.atlas import believe_inside_gates
 from backend.beliefs import Chooser, believe_consistent
 from backend.consistency import ConsistencyConfig
+from backend.constant_errors import ConstantErrors
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement
 from backend.factors import PositionFix, UnaryKnowledge
 from backend.incremental import believe_incrementally
@@ -78,6 +79,7 @@ class PoseGraph:
         self.do_no_harm = do_no_harm or DoNoHarmConfig()
         self._first_pose_sigmas: FloatArray | None = None
         self._odometry: dict[int, RelativePose] = {}
+        self._constants: ConstantErrors | None = None
         self._unary: list[UnaryKnowledge] = []
         self._fixes: list[PositionFix] = []
         self._closures: list[RelativePose] = []
@@ -123,6 +125,21 @@ class PoseGraph:
         if source != target + 1 or target in self._odometry:
             raise ValueError(f"odometry joins an anchor once and to the next one, got {target} and {source}")
         self._odometry[target] = self._relative_pose(target, source, T_target_source, covariance)
+
+    def add_constant_errors(self, constants: ConstantErrors) -> None:
+        """Say what of the errors of the first pose and of the odometry is constant: it is solved for in the end.
+
+        Parameters
+        ----------
+        constants : ConstantErrors
+            Part of the covariances that first pose and odometry are given.
+        """
+        n, shapes = self.n_anchors, (constants.moves.shape[:2], constants.rest.shape)
+        if shapes != ((n, 6), (n - 1, 6, 6)):
+            raise ValueError(f"constant errors of {n} anchors are wanted, got shapes {shapes[0]} and {shapes[1]}")
+        if not (np.isfinite(constants.moves).all() and all(map(_is_covariance, constants.rest))):
+            raise ValueError("constant errors must be finite and leave each step a positive definite covariance")
+        self._constants = constants
 
     def add_depth_and_tilt(self, anchor: int, depth_sd: float, tilt_sd: float) -> None:
         """Hold the depth, roll and pitch of an anchor at their dead-reckoned, that is measured, values.
@@ -197,7 +214,8 @@ class PoseGraph:
         assert self._first_pose_sigmas is not None
         odometry = [self._odometry[anchor] for anchor in range(self.n_anchors - 1)]
         known = (tuple(self._unary), tuple(self._fixes), tuple(self._closures))
-        return Problem(self.T_world_anchor_dr, self._first_pose_sigmas, odometry, *known, np.array(self._chance))
+        chance = np.array(self._chance)
+        return Problem(self.T_world_anchor_dr, self._first_pose_sigmas, odometry, *known, chance, self._constants)
 
     def solve(
         self,

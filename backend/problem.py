@@ -8,6 +8,7 @@ import gtsam
 import numpy as np
 
 from backend.arrays import FloatArray, IntArray
+from backend.constant_errors import ConstantErrors
 from backend.factors import PositionFix, UnaryKnowledge, between_factors, first_pose_factor, fix_factor, unary_factors
 from backend.innovations import Innovations, innovations
 from backend.least_squares import LeastSquares
@@ -36,6 +37,8 @@ class Problem:
         Loop closures, to be trusted or not.
     chance : ndarray, shape (C,)
         Expected number of false closures as good as each [1].
+    constants : ConstantErrors or None
+        What of the first pose's and the odometry's errors is constant over the dive; None where nobody knows.
     """
 
     T_world_anchor_dr: FloatArray
@@ -45,6 +48,7 @@ class Problem:
     fixes: Sequence[PositionFix]
     closures: Sequence[RelativePose]
     chance: FloatArray
+    constants: ConstantErrors | None = None
     _made: dict[float, list[gtsam.NonlinearFactor]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def known_factors(self, scale: float) -> list[gtsam.NonlinearFactor]:
@@ -87,8 +91,8 @@ class Problem:
         least_squares : LeastSquares
             The same squares as those of `known_factors` and the closures' factors.
         """
-        parts = [self._first_term, self._odometry_terms.weighted(scale**-2), self._closure_terms[closures]]
-        return LeastSquares(len(self.T_world_anchor_dr), joined(parts), self._unary_terms)
+        parts = [self._first_term, self._odometry_terms.weighted(scale**-2), self.closure_terms[closures]]
+        return LeastSquares(len(self.T_world_anchor_dr), joined(parts), self.unary_terms)
 
     def stretched(self, scale: float) -> list[RelativePose]:
         """Odometry with larger standard deviations.
@@ -106,8 +110,8 @@ class Problem:
         return [replace(step, covariance=scale**2 * step.covariance) for step in self.odometry]
 
     @cached_property
-    def _odometry_stack(self) -> RelativeStack:
-        """Odometry as arrays."""
+    def odometry_stack(self) -> RelativeStack:
+        """Odometry as arrays, in order."""
         return stacked(self.odometry)
 
     @cached_property
@@ -123,16 +127,16 @@ class Problem:
     @cached_property
     def _odometry_terms(self) -> RelativeTerms:
         """Odometry as squares."""
-        return relative_terms(self._odometry_stack)
+        return relative_terms(self.odometry_stack)
 
     @cached_property
-    def _closure_terms(self) -> RelativeTerms:
-        """Closures as squares."""
+    def closure_terms(self) -> RelativeTerms:
+        """Squares of all closures, by their positions."""
         return relative_terms(self._closure_stack)
 
     @cached_property
-    def _unary_terms(self) -> UnaryTerms:
-        """Depths, tilts and fixes as squares."""
+    def unary_terms(self) -> UnaryTerms:
+        """Squares of depths, tilts and fixes."""
         return unary_terms(self.T_world_anchor_dr, self.unary, self.fixes)
 
     def compared(self, T_world_anchor: FloatArray, closures: IntArray | slice = slice(None)) -> Innovations:
@@ -150,7 +154,7 @@ class Problem:
         innovations : Innovations
             One row a closure.
         """
-        odometry = self._odometry_stack[: len(T_world_anchor) - 1]
+        odometry = self.odometry_stack[: len(T_world_anchor) - 1]
         return innovations(T_world_anchor, odometry, self._closure_stack[closures], self.chance[closures])
 
     def chosen(self, closures: IntArray) -> list[RelativePose]:

@@ -83,6 +83,10 @@ class SensorReckoning(DeadReckoning):
         return covariances
 
     @override
+    def constant_errors(self, pings: ArrayLike) -> None:
+        return None
+
+    @override
     def unseen_variances(self, origin: int) -> FloatArray:
         variances = self._smoothed.last_variances[[SCALE, MISALIGNMENT]]
         along = (self._T[:, :2, 3] - self._T[self._pings(origin)[0], :2, 3]) ** 2

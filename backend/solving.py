@@ -8,6 +8,7 @@ import numpy as np
 
 from backend.arrays import FloatArray, IntArray
 from backend.beliefs import Chooser, Offer, start_poses
+from backend.calibration import calibrated, uncalibrated_covariances
 from backend.consistency import ConsistencyConfig, is_enough
 from backend.do_no_harm import DoNoHarmConfig, MapAgreement, harmful_closures
 from backend.factors import between_factors
@@ -88,13 +89,13 @@ def _solved(problem: Problem, rules: Rules, withdrawn: dict[int, str]) -> PoseGr
         weights, T = truncated_weights(doubtful, believed.size, T, rules.inlier_probability)
         holding = believed[weights > INLIER_WEIGHT]
         if not holding.size or not is_enough(problem.compared(T, holding), rules.consistency):
-            return _solution(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
+            return solution_of(problem, _without_closures(problem), _reasons(problem, belief, holding[:0], withdrawn))
         # GTSAM's least squares over what holds, and whether it does harm
-        T = optimise([*problem.known_factors(scale), *between_factors(problem.chosen(holding))], T)
-        estimate = Estimate(T, holding, scale)
+        estimate = fitted(problem, Estimate(T, holding, scale))
+        T = estimate.T_world_anchor
         harmful = harmful_closures(estimate, problem, rules.agreement, rules.do_no_harm)
         if not harmful:
-            return _solution(problem, estimate, _reasons(problem, belief, holding, withdrawn))
+            return solution_of(problem, estimate, _reasons(problem, belief, holding, withdrawn))
         withdrawn |= harmful
         believed = np.setdiff1d(believed, list(harmful))
 
@@ -104,22 +105,69 @@ def _without_closures(problem: Problem) -> Estimate:
     return Estimate(start_poses(problem).copy(), np.zeros(0, dtype=np.int64), 1.0)
 
 
-def _solution(problem: Problem, estimate: Estimate, reasons: tuple[str, ...]) -> PoseGraphSolution:
-    """The estimate with its covariances and all that is reported."""
+def fitted(problem: Problem, estimate: Estimate) -> Estimate:
+    """GTSAM's least squares over the closures that hold.
+
+    Parameters
+    ----------
+    problem : Problem
+        The graph.
+    estimate : Estimate
+        Where to start, what holds, and how far the odometry is stretched.
+
+    Returns
+    -------
+    estimate : Estimate
+        The same at the poses of the minimum.
+    """
+    known, closures = problem.known_factors(estimate.odometry_scale), problem.chosen(estimate.holding)
+    return replace(estimate, T_world_anchor=optimise([*known, *between_factors(closures)], estimate.T_world_anchor))
+
+
+def solution_of(problem: Problem, estimate: Estimate, reasons: tuple[str, ...]) -> PoseGraphSolution:
+    """Solve for what is constant of the sensors' errors, and gather all that is reported.
+
+    Parameters
+    ----------
+    problem : Problem
+        The graph.
+    estimate : Estimate
+        Its minimum, as `fitted` gives it.
+    reasons : tuple of str, length C
+        Why a closure does not hold the graph; empty where it does.
+
+    Returns
+    -------
+    solution : PoseGraphSolution
+        Poses and covariances; the very poses where neither a closure nor a fix holds.
+    """
+    held, estimate, covariances = _calibrated(problem, estimate)
     closures, T, scale = problem.chosen(estimate.holding), estimate.T_world_anchor, estimate.odometry_scale
-    least_squares = problem.least_squares(scale, estimate.holding)
+    least_squares = held.least_squares(scale, estimate.holding)
     weights: FloatArray = np.zeros(len(problem.closures))
     weights[estimate.holding] = 1.0
     return PoseGraphSolution(
         T_world_anchor=T,
-        covariances=covariances(least_squares, T),
+        covariances=covariances,
         closure_weights=weights,
         reasons=reasons,
         odometry_scale=scale,
         error_before=least_squares.error(problem.T_world_anchor_dr),
         error_after=least_squares.error(T),
-        g2o=g2o_text(T, [*problem.stretched(scale), *closures]),
+        g2o=g2o_text(T, [*held.stretched(scale), *closures]),
     )
+
+
+def _calibrated(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate, FloatArray]:
+    """The graph without constant errors, where they can be told, its minimum and its covariances."""
+    if problem.constants is None:
+        least_squares = problem.least_squares(estimate.odometry_scale, estimate.holding)
+        return problem, estimate, covariances(least_squares, estimate.T_world_anchor)
+    has_more = bool(estimate.holding.size or problem.fixes)
+    calibration = calibrated(problem, estimate) if has_more else None
+    if calibration is None:
+        return problem, estimate, uncalibrated_covariances(problem, estimate)
+    return calibration.problem, fitted(calibration.problem, calibration.estimate), calibration.covariances
 
 
 def _reasons(problem: Problem, belief: Belief, holding: IntArray, withdrawn: Mapping[int, str]) -> tuple[str, ...]:

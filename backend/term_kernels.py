@@ -71,6 +71,26 @@ def add_relative(T: FloatArray, relative: Relative, places: Places, sums: Sums) 
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
+def add_border(T: FloatArray, relative: Relative, slopes: FloatArray, sums: Sums) -> None:
+    """Add numbers that move whitened residuals by slopes (R, 6, K): border by anchor, their information, gradient."""
+    ends, measured, roots, weights = relative
+    border, information, gradient = sums
+    seen, error, white = np.empty((4, 4)), np.empty(6), np.empty(6)
+    by_source, by_target = np.empty((6, 6)), np.empty((6, 6))
+    for r in range(len(slopes)):
+        target, source = ends[r]
+        see(T, ends[r], seen)
+        residual(measured[r], seen, error)
+        _multiply(roots[r], error, white)
+        _derivatives(error, roots[r], seen, (by_source, by_target))
+        gradient += weights[r] * (slopes[r].T @ white)
+        information += weights[r] * (slopes[r].T @ slopes[r])
+        border[source] += weights[r] * (by_source.T @ slopes[r])
+        if target >= 0:
+            border[target] += weights[r] * (by_target.T @ slopes[r])
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def add_unaries(T: FloatArray, unary: Unary, diagonal: FloatArray, gradient: FloatArray) -> None:
     """Add what is known of single anchors to the normal equations, in place."""
     place_anchor, position, precision, tilt_anchor, up, tilt_precision = unary

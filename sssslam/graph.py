@@ -93,6 +93,9 @@ def make_graph(
     for k in range(len(submaps) - 1):
         T_target_source = invert(T_world_body_dr[k]) @ T_world_body_dr[k + 1]
         graph.add_odometry(k, k + 1, T_target_source, dead_reckoning.odometry_covariance(anchors[k], anchors[k + 1]))
+    constants = dead_reckoning.constant_errors(anchors)
+    if constants is not None:
+        graph.add_constant_errors(constants)
     entering = [closure for closure in closures if closure.accepted]
     forced = [k for k, closure in enumerate(entering) if overrides and overrides.accepts(closure)]
     for k, closure in enumerate(entering):

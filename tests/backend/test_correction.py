@@ -244,19 +244,35 @@ def test_sigmas_of_pure_dead_reckoning_are_its_own(straight):
     np.testing.assert_allclose(spread_sigmas(reckoning, pings, reckoning.sigmas[pings]), reckoning.sigmas, rtol=1e-6)
 
 
+class Stretched(DeadReckoning):
+    """A track whose scale no graph solves for, as that of the inertial filter."""
+
+    def unseen_variances(self, origin):
+        return np.pad(0.01**2 * (self.positions[:, :2] - self.positions[origin, :2]) ** 2, ((0, 0), (0, 2)))
+
+
 def test_what_no_closure_sees_grows_with_the_distance_from_the_first_anchor(straight):
     known = {"heading_walk": 1e-12, "heading_deviation_sd": 0.0, "velocity_noise": 1e-9}
-    config = DeadReckoningConfig(velocity_scale_sd=0.01, velocity_misalignment_sd=0.02, **known)
-    sigmas = spread_sigmas(DeadReckoning(*straight, config), [100, 600], np.full((2, 4), 1e-6))
-    np.testing.assert_allclose(sigmas[600, :2], [0.5, 1.0], rtol=1e-6)  # 50 m to the east
+    config = DeadReckoningConfig(velocity_scale_sd=0.0, velocity_misalignment_sd=0.0, **known)
+    sigmas = spread_sigmas(Stretched(*straight, config), [100, 600], np.full((2, 4), 1e-6))
+    np.testing.assert_allclose(sigmas[600, 0], 0.5, rtol=1e-6)  # 50 m to the east
     assert sigmas[100, :2].max() < 1e-5
+
+
+def test_constant_errors_are_left_to_the_graph(straight):
+    reckoning = DeadReckoning(*straight, DeadReckoningConfig(velocity_scale_sd=0.01))
+    assert (reckoning.unseen_variances(100) == 0.0).all()
+    with pytest.raises(ValueError, match=r"pings must lie in 0\.\.999, got 1000\.\.1000"):
+        reckoning.unseen_variances(1000)
 
 
 def test_the_corrected_track_is_as_uncertain_as_its_errors_are_large(make_survey):
     nees = []
     for seed in range(10):
         survey, rng = first_anchor_known(make_survey(seed)), np.random.default_rng(seed)
-        solution = survey.graph(survey.true_closures(rng), first_pose=[0.005, 0.005, 1e-4, 1e-3, 1e-3, 0.1]).solve()
+        graph = survey.graph(survey.true_closures(rng), first_pose=[0.005, 0.005, 1e-4, 1e-3, 1e-3, 0.1])
+        graph.add_constant_errors(survey.dead_reckoning.constant_errors(survey.anchor_pings))
+        solution = graph.solve()
         T = spread_correction(survey.time, survey.T_world_body_dr, survey.anchor_pings, solution.T_world_anchor)
         sigmas = spread_sigmas(survey.dead_reckoning, survey.anchor_pings, solution.sigmas)
         error = T[:, :2, 3] - survey.T_world_body[:, :2, 3]
