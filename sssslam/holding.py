@@ -6,13 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from backend.factors import between_factors
-from backend.g2o import g2o_text
 from backend.hypotheses import fitted_scale
-from backend.optimiser import half_squared_error, marginal_covariances, optimise
 from backend.pose_graph import PoseGraph, PoseGraphSolution
-from backend.problem import Problem
-from frontend.arrays import IntArray
+from backend.problem import Estimate
+from backend.solving import fitted, solution_of
 
 INSOLUBLE = "accepted by the user but the graph has no solution with it"
 
@@ -43,30 +40,20 @@ def hold(graph: PoseGraph, solution: PoseGraphSolution, forced: Sequence[int]) -
     _logger.info("held against the back end: %s", [solution.reasons[closure] for closure in lost])
     problem = graph.problem()
     holding = np.union1d(np.flatnonzero(solution.is_inlier), lost).astype(np.int64)
-    fitted = fitted_scale(problem.compared(problem.T_world_anchor_dr)[holding], graph.consistency)
-    start = replace(solution, odometry_scale=max(fitted, solution.odometry_scale))
+    scale = fitted_scale(problem.compared(problem.T_world_anchor_dr)[holding], graph.consistency)
+    start = Estimate(solution.T_world_anchor, holding, max(scale, solution.odometry_scale))
     try:
-        return replace(_solved(problem, holding, start), reasons=_reasons(solution, lost, ""))
-    except RuntimeError:  # as GTSAM says that a system has no one solution
+        held = solution_of(problem, _finite(fitted(problem, start)), _reasons(solution, lost, ""))
+    except (RuntimeError, np.linalg.LinAlgError):  # as GTSAM and numpy say that a system has no one solution
         return replace(solution, reasons=_reasons(solution, lost, INSOLUBLE))
+    return replace(held, fix_reasons=solution.fix_reasons)
 
 
-def _solved(problem: Problem, holding: IntArray, start: PoseGraphSolution) -> PoseGraphSolution:
-    """Least squares over what holds, from some poses and at their scale of the odometry."""
-    scale, closures = start.odometry_scale, problem.chosen(holding)
-    factors = [*problem.known_factors(scale), *between_factors(closures)]
-    T = optimise(factors, start.T_world_anchor)
-    if not np.isfinite(T).all():
+def _finite(estimate: Estimate) -> Estimate:
+    """The estimate, unless it is none."""
+    if not np.isfinite(estimate.T_world_anchor).all():
         raise RuntimeError("the poses of the minimum are not finite")
-    return replace(
-        start,
-        T_world_anchor=T,
-        covariances=marginal_covariances(factors, T),
-        closure_weights=np.isin(np.arange(len(problem.closures)), holding).astype(np.float64),
-        error_before=half_squared_error(factors, problem.T_world_anchor_dr),
-        error_after=half_squared_error(factors, T),
-        g2o=g2o_text(T, [*problem.stretched(scale), *closures]),
-    )
+    return estimate
 
 
 def _reasons(solution: PoseGraphSolution, closures: Sequence[int], reason: str) -> tuple[str, ...]:

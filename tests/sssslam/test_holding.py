@@ -4,12 +4,12 @@ import gtsam
 import numpy as np
 import pytest
 
+from backend import solving
 from backend.dead_reckoning import DeadReckoning, DeadReckoningConfig
 from backend.pose_graph import PoseGraph
 from backend.solution import Withdrawal
 from frontend.frames import invert, planar_pose
 from frontend.loop_closures import LoopClosure
-from sssslam import holding
 from sssslam.config import Config
 from sssslam.graph import solve_graph
 from sssslam.holding import INSOLUBLE, hold
@@ -113,7 +113,7 @@ def test_a_graph_without_a_solution_stays_as_the_back_end_left_it(monkeypatch, f
 
     graph = graph_with({(2, 17): (3.0, 0.0)})
     before = graph.solve()
-    monkeypatch.setattr(holding, "optimise", fail)
+    monkeypatch.setattr(solving, "optimise", fail)
     after = hold(graph, before, [0])
     assert after.reasons == (INSOLUBLE,)
     assert "," not in INSOLUBLE
