@@ -14,7 +14,7 @@ from frontend.recording import Recording
 from frontend.trajectory import Trajectory
 
 _EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
-_LEAST = 1e-3  # rad, m
+_LEAST = np.array([1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3])  # rad, m
 # Without a Doppler log speed is that through the water. A current of a tenth of it, 0.1 m/s for a small vehicle, makes
 # the way longer by as much from behind and is a crab angle from abeam; as that changes with the heading, part of it is
 # noise: 2 m in 100 s. The compass of a small vehicle deviates by 3 deg.
@@ -146,7 +146,7 @@ def first_pose_sigmas(dead_reckoning: DeadReckoning, ping: int) -> FloatArray:
     Returns
     -------
     sigmas : ndarray, shape (6,)
-        Along the world's axes [rad, rad, rad, m, m, m]; at least a milliradian and a millimetre.
+        Along the world's axes [rad, rad, rad, m, m, m]; at least a tenth of a milliradian and a millimetre.
     """
     x, y, z, yaw = dead_reckoning.sigmas[ping]
     tilt = dead_reckoning.config.tilt_sd
