@@ -8,7 +8,7 @@ import numpy as np
 
 from backend.hypotheses import fitted_scale
 from backend.pose_graph import PoseGraph, PoseGraphSolution
-from backend.problem import Estimate
+from backend.problem import Estimate, Problem
 from backend.solving import fitted, solution_of
 
 INSOLUBLE = "accepted by the user but the graph has no solution with it"
@@ -38,7 +38,7 @@ def hold(graph: PoseGraph, solution: PoseGraphSolution, forced: Sequence[int]) -
     if not lost:
         return solution
     _logger.info("held against the back end: %s", [solution.reasons[closure] for closure in lost])
-    problem = graph.problem()
+    problem = _at_trusted_fixes(graph.problem(), solution)
     holding = np.union1d(np.flatnonzero(solution.is_inlier), lost).astype(np.int64)
     scale = fitted_scale(problem.compared(problem.T_world_anchor_dr)[holding], graph.consistency)
     start = Estimate(solution.T_world_anchor, holding, max(scale, solution.odometry_scale))
@@ -47,6 +47,12 @@ def hold(graph: PoseGraph, solution: PoseGraphSolution, forced: Sequence[int]) -
     except (RuntimeError, np.linalg.LinAlgError):  # as GTSAM and numpy say that a system has no one solution
         return replace(solution, reasons=_reasons(solution, lost, INSOLUBLE))
     return replace(held, fix_reasons=solution.fix_reasons)
+
+
+def _at_trusted_fixes(problem: Problem, solution: PoseGraphSolution) -> Problem:
+    """The graph without the fixes that the back end did not take."""
+    judged = zip(problem.fixes, solution.fix_reasons, strict=True)
+    return replace(problem, fixes=[fix for fix, reason in judged if not reason])
 
 
 def _finite(estimate: Estimate) -> Estimate:

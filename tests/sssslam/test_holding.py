@@ -86,6 +86,16 @@ def test_nothing_changes_where_all_that_is_forced_holds_already():
     assert hold(graph, solution, []) is solution
 
 
+def test_a_fix_that_the_back_end_did_not_take_stays_out_where_a_closure_is_forced():
+    graph = graph_with({(2, 17): (3.0, 0.0)})
+    graph.add_fix(10, 5000.0, -5000.0, 1.0)  # 7 km off
+    before = graph.solve()
+    assert before.fix_reasons[0]
+    after = hold(graph, before, [0])
+    assert after.fix_reasons == before.fix_reasons
+    assert np.abs(after.T_world_anchor[10, :2, 3] - there_and_back()[10, :2, 3]).max() < 20.0  # what 3 m may move
+
+
 def test_poses_are_those_of_the_least_squares_of_gtsam():
     graph = graph_with({(2, 17): (3.0, 0.0)})
     after = hold(graph, graph.solve(), [0])
