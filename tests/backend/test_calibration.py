@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.calibration import bordered, calibrated, uncalibrated_covariances
+from backend.bordered import bordered
+from backend.calibration import calibrated, uncalibrated_covariances
 from backend.correction import spread_correction, spread_sigmas
 from backend.dead_reckoning import DeadReckoning
 from backend.pose_graph import PoseGraph
