@@ -22,11 +22,12 @@ REPEATED_OFFSET = np.array([20.0, 20.0, 0.05])  # of a group of them, and 4 m mo
 
 @dataclass(frozen=True)
 class Survey:
-    """A drifted survey: true and dead-reckoned anchors, odometry and the covariance it claims."""
+    """A drifted survey: true and dead-reckoned anchors, odometry and the covariance it claims, and when."""
 
     T_true: FloatArray
     T_dr: FloatArray
     odometry: list[RelativePose]
+    time: FloatArray
 
     def revisits(self, radius: float, separation: int) -> list[tuple[int, int]]:
         """Pairs of anchors that truly lie near each other, though not along the track."""
@@ -77,7 +78,7 @@ def drifted_survey(time: FloatArray, T_true: FloatArray, drift_factor: float, rn
     odometry = [
         RelativePose(k, k + 1, invert(T_dr[k]) @ T_dr[k + 1], reckoning.odometry_covariance(k, k + 1)) for k in steps
     ]
-    return Survey(T_true, T_dr, odometry)
+    return Survey(T_true, T_dr, odometry, time)
 
 
 def lawn_mower(n_legs: int, leg: float, spacing: float, n_ties: int, step: float) -> tuple[FloatArray, FloatArray]:
