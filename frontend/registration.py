@@ -45,7 +45,13 @@ class RegistrationConfig(BaseModel):
     sigma_factor: float = Field(
         default=1.7,
         gt=0,
-        description="Sigma against that of the residuals [1]: drift bends windows. Calibrated on simulated dives.",
+        description="Sigma of x and y against that of the residuals [1]: drift bends windows. Calibrated on simulated "
+        "dives.",
+    )
+    sigma_factor_yaw: float = Field(
+        default=1.4,
+        gt=0,
+        description="The same for the yaw [1], which a shift that all squares share does not turn.",
     )
     min_sigma: float = Field(
         default=0.1,
@@ -198,7 +204,8 @@ def _weights(overlap: Overlap, config: RegistrationConfig) -> FloatArray:
 
 def _sigmas(overlap: Overlap, yaw: float, config: RegistrationConfig) -> FloatArray:
     """Standard deviations of the transform, rotation first."""
-    planar = config.sigma_factor * _clustered(overlap, yaw, config) if len(overlap.x) >= 3 else np.full(3, np.inf)
+    factors = np.array([config.sigma_factor, config.sigma_factor, config.sigma_factor_yaw])
+    planar = factors * _clustered(overlap, yaw, config) if len(overlap.x) >= 3 else np.full(3, np.inf)
     floor = np.array([config.min_sigma, config.min_sigma, config.min_sigma_yaw])
     x, y, turn = np.hypot(planar, floor)
     tilt, offset = np.sqrt(2) * config.gauge_tilt, np.sqrt(2) * config.gauge_sigma

@@ -12,7 +12,8 @@ from frontend.sampling import normal_equations
 from tests.frontend.seafloor_scenes import Seafloor, cut_submap, rough_seafloor
 
 TARGET = (150.0, 150.0, 0.4)
-BARE = RegistrationConfig(sigma_factor=1.0, min_sigma=0.0, min_sigma_yaw=0.0)  # nothing added to what residuals say
+# nothing added to what residuals say
+BARE = RegistrationConfig(sigma_factor=1.0, sigma_factor_yaw=1.0, min_sigma=0.0, min_sigma_yaw=0.0)
 
 
 def two_passes(seed, relative, error=0.05, seafloor=None):
@@ -58,13 +59,14 @@ def test_errors_are_as_large_as_the_sigmas_say():
     assert 0.5 < np.mean(squares) < 1.7
 
 
-def test_the_factor_widens_sigmas_before_their_floors():
+def test_the_factors_widen_sigmas_before_their_floors_the_yaw_by_its_own():
     relative = (5.0, 8.0, 0.8)
     layers = [layers_of(s) for s in two_passes(2, relative)]
-    start, factor = planar_pose(*relative), RegistrationConfig().sigma_factor
+    start, config = planar_pose(*relative), RegistrationConfig(sigma_factor=3.0, sigma_factor_yaw=2.0)
     bare = register(*layers, start, BARE).sigmas[2:5]
-    floors = np.array([RegistrationConfig().min_sigma_yaw, *2 * [RegistrationConfig().min_sigma]])
-    assert register(*layers, start).sigmas[2:5] == pytest.approx(np.hypot(factor * bare, floors), rel=1e-12)
+    floors = np.array([config.min_sigma_yaw, config.min_sigma, config.min_sigma])
+    expected = np.hypot([2.0, 3.0, 3.0] * bare, floors)
+    assert register(*layers, start, config).sigmas[2:5] == pytest.approx(expected, rel=1e-12)
 
 
 def test_noise_makes_the_sigmas_grow():
