@@ -244,7 +244,7 @@ def _compare(pair: _Pair, prior: Prior, config: LoopClosureConfig) -> LoopClosur
     inside = [p for p in previews if prior.admits(p.T_target_source)]
     first = max(inside or previews, key=lambda p: p.significance)
     best = verify(target.layers, source.layers, first.T_target_source, config.registration)
-    best = with_drift(best, pair.sides, pair.positions, pair.covariance, config.registration.misalignment)
+    best = with_drift(best, pair.sides, pair.positions, pair.covariance, config.registration.shear)
     others = [p.significance for p in previews if _is_elsewhere(p, best, config.search.separation)]
     runner_up = max(others, default=0.0)
     rejection = decide(best, runner_up, prior, config.acceptance)

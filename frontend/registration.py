@@ -63,11 +63,11 @@ class RegistrationConfig(BaseModel):
         ge=0,
         description="Least standard deviation of the yaw [rad]: drift of the heading inside a window.",
     )
-    misalignment: float = Field(
-        default=0.01,
+    misalignment: float | None = Field(
+        default=None,
         ge=0,
-        description="Turn of the velocity against the heading sensor [rad], as "
-        "dead_reckoning.velocity_misalignment_sd: it shears windows, a place far ahead of the anchor is put aside.",
+        description="Turn of the velocity against the heading sensor [rad]: it shears windows, a place far ahead of "
+        "the anchor is put aside; left open, dead_reckoning.velocity_misalignment_sd says it.",
     )
     gauge_sigma: float = Field(
         default=0.3, ge=0, description="Standard deviation of a window's height offset [m], which echoes hardly fix."
@@ -77,11 +77,17 @@ class RegistrationConfig(BaseModel):
     )
 
     @property
+    def shear(self) -> float:
+        """The misalignment [rad]; that of a usual mounting where nobody has filled it in."""
+        return _USUAL_MISALIGNMENT if self.misalignment is None else self.misalignment
+
+    @property
     def descent(self) -> Descent:
         """The steps as the kernel takes them."""
         return Descent(self.n_iterations, self.max_step, self.max_turn, _STILL, _STILL_TURN, self.tuning, _DAMPING)
 
 
+_USUAL_MISALIGNMENT = 0.01  # [rad], 0.6 deg
 _DAMPING = 0.2  # of the step by the slopes' errors: the common slopes alone are too weak where little is common
 _STILL, _STILL_TURN = 3e-3, 1e-4  # [m], [rad] of a step that ends the iteration: a thirtieth of the least sigma
 _ROUGHLY_STILL, _EDGE = 0.05, 50.0  # [m] of a step that is small against a cell, and how far out a submap's edge lies

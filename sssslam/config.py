@@ -83,7 +83,7 @@ def resolve(config: Config, recording: Recording) -> Config:
         A configuration with open keys.
     recording : Recording
         The dive: its range says how large a cell is, its range and its track how long a window, that how far apart
-        closures have votes of their own, its sensors how much the track drifts.
+        closures have votes of their own, its sensors how much the track drifts and shears windows.
 
     Returns
     -------
@@ -118,8 +118,17 @@ def resolve_pings(config: Config, recording: Recording) -> Config:
     drift = suit_sensors(config.dead_reckoning, recording)
     assert windows.overlap is not None
     consistency = suit_overlap(config.consistency, windows.overlap)
+    closures = _with_misalignment(config.loop_closures, drift.velocity_misalignment_sd)
     suited = {"reconstruction": reconstruction, "dead_reckoning": drift, "consistency": consistency}
-    return config.model_copy(update={"windows": windows, **suited})
+    return config.model_copy(update={"windows": windows, "loop_closures": closures, **suited})
+
+
+def _with_misalignment(config: LoopClosureConfig, misalignment: float) -> LoopClosureConfig:
+    """The closures' section, its windows sheared as much as dead reckoning says where that is left open."""
+    if config.registration.misalignment is not None:
+        return config
+    registration = config.registration.model_copy(update={"misalignment": misalignment})
+    return config.model_copy(update={"registration": registration})
 
 
 def default_toml() -> str:

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backend.drift_model import DeadReckoningConfig
 from frontend import registration as module
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.overlap import lay_over, stack_layers
@@ -171,3 +172,8 @@ def test_the_transform_is_level():
     T = register(layers_of(a), layers_of(b), planar_pose(5.2, 5.0, 1.0)).T_target_source
     assert T[2, :3].tolist() == [0, 0, 1]
     assert T[:2, 2].tolist() == [0, 0]
+
+
+def test_windows_shear_by_a_usual_mounting_where_nobody_says_how_much():
+    shears = [RegistrationConfig(misalignment=m).shear for m in (None, 0.0, 0.002)]
+    assert shears == [DeadReckoningConfig().velocity_misalignment_sd, 0.0, 0.002]

@@ -153,6 +153,14 @@ def test_how_far_apart_closures_vote_follows_the_overlap_of_windows(setting: str
     assert resolve(load_config(settings=[setting]), recording(55.0)).consistency.stretch == stretch
 
 
+def test_windows_are_sheared_as_much_as_dead_reckoning_says_unless_closures_are_told() -> None:
+    said = ["dead_reckoning.velocity_misalignment_sd=0.002"]
+    told = [*said, "loop_closures.registration.misalignment=0.03"]
+    for resolving in (resolve, resolve_pings):
+        left_open, set_ = (resolving(load_config(settings=s), recording(55.0)).loop_closures for s in (said, told))
+        assert (left_open.registration.misalignment, set_.registration.misalignment) == (0.002, 0.03)
+
+
 def turning_back(slant_range: float) -> Recording:
     """A dive of 120 m that turns by one and a half circles, its speed from a log through the water."""
     n, dive = 400, FlatFloor(np.full(400, 2.0), n_samples=round(slant_range / 0.05)).record(np.random.default_rng(1))
@@ -167,6 +175,7 @@ def test_resolving_a_dive_fills_in_what_its_track_and_its_sensors_ask_for() -> N
     resolved = resolve(Config(), dive)
     assert resolved.windows.length == pytest.approx(dive.trajectory_dr.distance[-1] / 9)
     assert (resolved.windows.overlap, resolved.dead_reckoning.velocity_scale_sd) == (0.8, 0.1)
+    assert resolved.loop_closures.registration.misalignment == resolved.dead_reckoning.velocity_misalignment_sd == 0.1
     assert resolved.consistency.stretch == 10  # two window lengths
     assert resolve(resolved, turning_back(30.0)) == resolved
 
