@@ -1,6 +1,6 @@
 """Pairs: which submaps may show the same place, by dead reckoning and by the likeness of their features."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol, runtime_checkable
@@ -18,6 +18,8 @@ from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 
 PriorCovariance = Callable[[int, int], FloatArray]
+_FEW = 64  # submaps that there is room for at first
+_AT_ONCE = 96  # targets asked about together: about as many as are looked at where the gate holds all
 
 
 @runtime_checkable
@@ -104,7 +106,7 @@ class PairFinder:
         self._index = PlaceIndex()
         self._submaps: list[Submap] = []
         self._coverage: list[Coverage] = []
-        self._rows: list[tuple[float, ...]] = []
+        self._rows = np.empty((_FEW, _SINE + 1))  # grows by doubling
 
     def __len__(self) -> int:
         return len(self._submaps)
@@ -135,33 +137,39 @@ class PairFinder:
         descriptors = features.descriptors if features is not None else np.empty((0, 33))
         votes = self._index.votes(descriptors)
         partners = self._partners(submap, row, coverage, votes, prior_covariance)
+        if len(self) == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[len(self)] = row
         self._index.add(descriptors)
         self._submaps.append(submap)
         self._coverage.append(coverage)
-        self._rows.append(row)
         return partners
 
     def _partners(
         self, source: Submap, row: tuple[float, ...], coverage: Coverage, votes: FloatArray, prior: PriorCovariance
     ) -> Partners:
         """Those inside the gate and the most alike of the rest."""
-        if not self._rows:
-            return Partners(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
-        rows, number = np.array(self._rows), len(self._rows)
-        apart = np.flatnonzero(_are_apart(rows, row, self.config.min_separation))
-        covariances = _covariances(prior, apart, number)
-        near = _can_meet(rows[apart], row, covariances, self.config.gate)
+        rows = self._rows[: len(self)]
+        apart = _are_apart(rows, row, self.config.min_separation)
         gap = np.hypot(rows[:, _X] - row[_X], rows[:, _Y] - row[_Y])
         alike = np.lexsort([gap, -votes])
-        allowed = {int(t): covariance for t, covariance in zip(apart[near], covariances[near], strict=True)}
-        overlapping = (
-            t
-            for t in alike[np.isin(alike, apart[near])].tolist()
-            if self._possible_overlap(t, source, coverage, allowed[t]) >= self.config.min_overlap
-        )
+        alike = alike[apart[alike]]
+        overlapping = self._overlapping(alike, source, row, coverage, prior)
         in_gate = np.array(sorted(islice(overlapping, self.config.max_partners)), dtype=np.int64)
-        others = alike[np.isin(alike, apart) & ~np.isin(alike, in_gate) & (votes[alike] > 0)]
+        others = alike[~np.isin(alike, in_gate) & (votes[alike] > 0)]
         return Partners(in_gate, others[: self.config.n_anywhere])
+
+    def _overlapping(
+        self, targets: IntArray, source: Submap, row: tuple[float, ...], coverage: Coverage, prior: PriorCovariance
+    ) -> Iterator[int]:
+        """Those of the targets that may overlap enough inside the gate, looked for as they are asked for."""
+        for first in range(0, len(targets), _AT_ONCE):
+            some = targets[first : first + _AT_ONCE]
+            covariances = _covariances(prior, some, len(self))
+            near = _can_meet(self._rows[some], row, covariances, self.config.gate)
+            for t, covariance in zip(some[near].tolist(), covariances[near], strict=True):
+                if self._possible_overlap(t, source, coverage, covariance) >= self.config.min_overlap:
+                    yield t
 
     def _possible_overlap(self, target: int, source: Submap, coverage: Coverage, covariance: FloatArray) -> float:
         """Share of the smaller submap that overlaps at best inside the gate."""
@@ -244,7 +252,9 @@ def predicted_transform(target: Submap, source: Submap) -> FloatArray:
     return np.asarray(invert(target.T_world_submap_dr) @ source.T_world_submap_dr)
 
 
-_X, _Y, _REACH, _FIRST, _END, _ANCHOR, _LENGTH = range(7)  # of a row: centre, radius [m], pings, way to, way along [m]
+# of a row: centre, radius [m], pings, way to, way along [m], and where the submap's x axis points
+_X, _Y, _REACH, _FIRST, _END, _ANCHOR, _LENGTH, _COSINE, _SINE = range(9)
+_SLACK = 0.02  # [m^2], twice what a prior adds to variances itself
 
 
 def _row_of(submap: Submap, coverage: Coverage, distance: FloatArray) -> tuple[float, ...]:
@@ -254,7 +264,8 @@ def _row_of(submap: Submap, coverage: Coverage, distance: FloatArray) -> tuple[f
     x, y = T[:2, :2] @ middle + T[:2, 3]
     reach = float(np.hypot(*(cells - middle).T).max(initial=0.0)) + OUTLINE_STEP
     length = distance[submap.end_ping - 1] - distance[submap.first_ping]
-    return x, y, reach, submap.first_ping, submap.end_ping, distance[submap.anchor_ping], length
+    along = (distance[submap.anchor_ping], length)
+    return x, y, reach, submap.first_ping, submap.end_ping, *along, T[0, 0], T[1, 0]
 
 
 def _are_apart(targets: FloatArray, source: tuple[float, ...], n_windows: float) -> AnyArray:
@@ -272,8 +283,13 @@ def _covariances(prior_covariance: PriorCovariance, targets: IntArray, source: i
 
 
 def _can_meet(targets: FloatArray, source: tuple[float, ...], covariances: FloatArray, gate: float) -> AnyArray:
-    """Which targets' circles the source's can meet inside a gate; more than those that really can, shape (P,)."""
-    gap = np.hypot(targets[:, _X] - source[_X], targets[:, _Y] - source[_Y]) - targets[:, _REACH] - source[_REACH]
-    limit = Prior(np.eye(4), np.eye(6), gate).limit
-    sigma = np.sqrt(covariances[:, 3, 3] + covariances[:, 4, 4] + 0.1)  # no direction is less certain
-    return np.asarray(gap <= np.sqrt(limit) * sigma)
+    """Which targets' circles the source's meets, drawn straight to them as far as a gate allows, shape (P,)."""
+    away = targets[:, [_X, _Y]] - np.array([source[_X], source[_Y]])
+    cosine, sine = targets[:, _COSINE], targets[:, _SINE]
+    x, y = cosine * away[:, 0] + sine * away[:, 1], cosine * away[:, 1] - sine * away[:, 0]
+    # covariances are of a level frame, a little widened: more can meet than those that really do
+    xx, yy, xy = covariances[:, 3, 3] + _SLACK, covariances[:, 4, 4] + _SLACK, covariances[:, 3, 4]
+    squared_distance = (yy * x**2 - 2 * xy * x * y + xx * y**2) / (xx * yy - xy**2)
+    reach = np.sqrt(Prior(np.eye(4), np.eye(6), gate).limit / np.maximum(squared_distance, 1e-12))
+    gap = np.hypot(x, y) * (1 - np.minimum(reach, 1.0)) - targets[:, _REACH] - source[_REACH]
+    return np.asarray(gap <= 0)

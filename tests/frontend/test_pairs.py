@@ -2,11 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from frontend.coverage import coverage_of, possible_overlap
 from frontend.features import Features
 from frontend.frames import planar_pose
 from frontend.heightfield import Heightfield
 from frontend.pairs import PairConfig, PairFinder, pairs_to_compare, predicted_transform
+from frontend.priors import Prior
 from frontend.submaps import Submap
 from frontend.trajectory import Trajectory
 
@@ -102,6 +106,41 @@ def test_a_prior_that_knows_many_pairs_is_asked_once():
     one_by_one = pairs_to_compare(submaps, track(1200), covariance(5.0))
     assert one_by_one
     assert pairs_to_compare(submaps, track(1200), Together(5.0)) == one_by_one
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_what_is_left_out_at_a_glance_could_not_have_overlapped(seed):
+    """Long, thin gates in any direction and submaps turned at will; the judge looks at every pair in full."""
+    rng = np.random.default_rng(seed)
+    submaps = [square_submap(3 * k, *rng.uniform(-150, 150, 2), rng.uniform(-np.pi, np.pi)) for k in range(8)]
+    gates = []
+    for sigmas, turn in zip(rng.uniform([1.0, 1.0], [5.0, 40.0], (8, 2)), rng.uniform(0, np.pi, 8), strict=True):
+        R, C = planar_pose(0.0, 0.0, turn)[:2, :2], np.diag([1e-4, 1e-4, 1e-3, 0.0, 0.0, 1e-2])
+        C[3:5, 3:5] = R @ np.diag(sigmas**2) @ R.T
+        gates.append(C)
+    config, covers = PairConfig(), [coverage_of(submap) for submap in submaps]
+    expected = []
+    for source in range(8):
+        for target in range(source):
+            prior = Prior(predicted_transform(submaps[target], submaps[source]), gates[target], config.gate)
+            if possible_overlap(covers[target], covers[source], prior) >= config.min_overlap:
+                expected.append((target, source))
+    assert pairs_to_compare(submaps, track(2400), lambda target, _source: gates[target], config) == expected
+
+
+def test_in_a_wide_gate_no_more_are_asked_about_than_partners_are_wanted():
+    """Of 300 submaps on one place a few dozen answers give one its two partners."""
+    asked = []
+
+    def prior(target, source):
+        asked.append((target, source))
+        return covariance(20.0)(target, source)
+
+    submaps = [square_submap(3 * k, 0.0, 0.0) for k in range(300)]
+    pairs = pairs_to_compare(submaps, track(90000), prior, PairConfig(max_partners=2))
+    assert sum(source == 299 for _, source in pairs) == 2
+    assert sum(source == 299 for _, source in asked) < 100
 
 
 def features_of(rng):
