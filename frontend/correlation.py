@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from scipy.fft import ifft, irfft, rfft2
+from scipy.fft import fft, ifft, irfft, rfft
 
 from frontend.arrays import AnyArray, FloatArray
 
@@ -155,10 +155,9 @@ def spectra(values: FloatArray, weight: FloatArray, padded: tuple[int, int]) -> 
         What `correlate` needs; reusable for every partner of the same padded size.
     """
     rasters = np.empty((2 + 2 * len(values), *weight.shape), dtype=np.float32)
-    rasters[0], rasters[1] = weight > 0, weight
-    rasters[2::2] = weight * values
-    rasters[3::2] = weight * values**2
-    return Spectra(rfft2(rasters, padded), (weight.shape[0], weight.shape[1]), padded)
+    _weigh(np.ascontiguousarray(values), np.ascontiguousarray(weight), rasters)
+    rows = rfft(rasters, padded[1], axis=2)  # of what is known alone: the padding's are 0
+    return Spectra(fft(rows, padded[0], axis=1, overwrite_x=True), (weight.shape[0], weight.shape[1]), padded)
 
 
 def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) -> CorrelationSurface:
@@ -212,6 +211,18 @@ def correlate(target: Spectra, source: Spectra, shifts: Shifts | None = None) ->
     correlation, overlap = np.zeros((len(sums) // 3, len(y), len(x))), np.empty((len(y), len(x)))
     _coefficients(sums, x, correlation, overlap)
     return CorrelationSurface(correlation, overlap, y, x)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _weigh(values: FloatArray, weight: FloatArray, rasters: FloatArray) -> None:
+    """Mask, weight, then of each raster its weighted values and squares."""
+    for i in range(weight.shape[0]):
+        for j in range(weight.shape[1]):
+            w = weight[i, j]
+            rasters[0, i, j], rasters[1, i, j] = w > 0, w
+            for c in range(values.shape[0]):
+                rasters[2 + 2 * c, i, j] = w * values[c, i, j]
+                rasters[3 + 2 * c, i, j] = w * values[c, i, j] ** 2
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]

@@ -51,7 +51,7 @@ class Overlap:
     share: float
     area: float
 
-    @property
+    @cached_property
     def correlation(self) -> float:
         """Weighted correlation of the two reliefs [1]; 0 where nothing varies."""
         return weighted_correlation(self.z_source, self.z_target, self.weight)

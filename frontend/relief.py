@@ -193,7 +193,7 @@ def block_means(values: FloatArray, n: int) -> FloatArray:
     """
     rows, columns = (-(-size // n) for size in values.shape)
     padded = np.pad(values, [(0, rows * n - values.shape[0]), (0, columns * n - values.shape[1])])
-    return np.asarray(padded.reshape(rows, n, columns, n).mean(axis=(1, 3)))
+    return np.asarray(sum(padded[k::n, j::n] for k in range(n) for j in range(n)) / n**2)
 
 
 def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> float:
@@ -213,7 +213,8 @@ def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> 
     area : float
         The integral over lags up to 20 m [m^2], at least one cell; infinite for a raster that is constant.
     """
-    shape = tuple(next_fast_len(2 * n - 1, real=True) for n in values.shape)
+    longest = int(_LONGEST_LAG / spacing)  # longer lags may wrap around
+    shape = tuple(next_fast_len(n + min(longest, n - 1), real=True) for n in values.shape)
     power, count = (irfft2(np.abs(rfft2(a, shape)) ** 2, shape) for a in (values * weight, weight))
     if not power[0, 0] > 1e-12 * count[0, 0]:
         return float("inf")
