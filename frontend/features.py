@@ -7,13 +7,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import maximum_filter
 from scipy.spatial.distance import cdist
 
-from frontend.arrays import AnyArray, BoolArray, FloatArray
+from frontend.arrays import BoolArray, FloatArray
+from frontend.fpfh import N_BINS, fast_point_feature_histograms
 from frontend.heightfield import Heightfield
-from frontend.open3d_loader import load_open3d
 from frontend.relief import Relief, ReliefConfig, extract_relief
 from frontend.submaps import Submap, surface_normals
 
-N_BINS = 33
 _RADIUS_CELLS = 6.0
 
 
@@ -137,10 +136,11 @@ def describe_relief(relief: Relief, config: FeatureConfig | None = None) -> Feat
     surface = Heightfield(np.where(usable, config.exaggeration * relief.z, np.nan), relief.spacing, relief.origin)
     is_keypoint = find_keypoints(relief.z, usable, config.keypoint_spacing / relief.spacing)
     x, y = np.meshgrid(surface.x, surface.y)
-    keypoints, normals = np.stack([x, y, relief.height], axis=-1)[is_keypoint], surface_normals(surface)[is_keypoint]
-    descriptors = _describe(surface, is_keypoint, config)
+    normals = surface_normals(surface)
+    descriptors = _describe(surface, normals, is_keypoint, config)
     kept = _distinct(descriptors, config.least_distinct)
-    return Features(keypoints[kept], descriptors[kept], normals[kept])
+    keypoints = np.stack([x, y, relief.height], axis=-1)[is_keypoint]
+    return Features(keypoints[kept], descriptors[kept], normals[is_keypoint][kept])
 
 
 def find_keypoints(z: FloatArray, usable: BoolArray, spacing: float) -> BoolArray:
@@ -187,27 +187,11 @@ def _distinct(descriptors: FloatArray, least: float) -> BoolArray:
     return np.asarray(distances.min(axis=1) >= least * np.median(distances[np.isfinite(distances)]))
 
 
-def _describe(surface: Heightfield, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
+def _describe(surface: Heightfield, normals: FloatArray, is_keypoint: BoolArray, config: FeatureConfig) -> FloatArray:
     """FPFH of the keypoints among themselves and a thinned lattice of the other known cells, radius beside radius."""
     rows, columns = np.indices(surface.z.shape)
     step = max(round(config.lattice / surface.spacing), 1)
-    supports = np.isfinite(surface.z) & (rows % step == 0) & (columns % step == 0) | is_keypoint
-    x, y = np.meshgrid(surface.x, surface.y)
-    points, normals = np.stack([x, y, surface.z], axis=-1)[supports], surface_normals(surface)[supports]
-    chosen = np.flatnonzero(is_keypoint[supports])
+    z = np.where((rows % step == 0) & (columns % step == 0) | is_keypoint, surface.z, np.nan)
     reaches = [max(radius, _RADIUS_CELLS * surface.spacing) for radius in config.radii]
-    most = [int(np.pi * (reach / surface.spacing + 1) ** 2) for reach in reaches]  # all cells: none is cut off
-    searches = [{"radius": reach, "max_nn": n} for reach, n in zip(reaches, most, strict=True)]
-    return np.concatenate([_fpfh(points, normals, chosen, search) for search in searches], axis=1)
-
-
-def _fpfh(points: FloatArray, normals: FloatArray, chosen: AnyArray, search: dict[str, float]) -> FloatArray:
-    """FPFH of the chosen points among all points, shape (K, 33)."""
-    if not len(chosen):
-        return np.empty((0, N_BINS))
-    o3d = load_open3d()
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    cloud.normals = o3d.utility.Vector3dVector(normals)
-    parameter = o3d.geometry.KDTreeSearchParamHybrid(**search)
-    descriptors = o3d.pipelines.registration.compute_fpfh_feature(cloud, parameter, chosen.tolist())
-    return np.ascontiguousarray(np.asarray(descriptors.data).T)
+    shape = (z, normals, is_keypoint, surface.spacing)
+    return np.concatenate([fast_point_feature_histograms(*shape, reach) for reach in reaches], axis=1)
