@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.fft import irfft2, next_fast_len, rfft2
@@ -191,9 +192,9 @@ def block_means(values: FloatArray, n: int) -> FloatArray:
     means : ndarray, shape (ceil(n_y / n), ceil(n_x / n))
         The means, the raster filled up with 0.
     """
-    rows, columns = (-(-size // n) for size in values.shape)
-    padded = np.pad(values, [(0, rows * n - values.shape[0]), (0, columns * n - values.shape[1])])
-    return np.asarray(sum(padded[k::n, j::n] for k in range(n) for j in range(n)) / n**2)
+    means = np.empty((-(-values.shape[0] // n), -(-values.shape[1] // n)))
+    _block_means(np.ascontiguousarray(values, dtype=np.float64), n, means)
+    return means
 
 
 def correlation_area(values: FloatArray, weight: FloatArray, spacing: float) -> float:
@@ -264,3 +265,15 @@ def _clipped(z: FloatArray, trusted: BoolArray, limit: float) -> FloatArray:
     if scale < _ROUNDING:
         return np.zeros_like(z)
     return np.asarray(np.where(trusted, np.clip(z, -limit * scale, limit * scale), 0.0))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _block_means(values: FloatArray, n: int, means: FloatArray) -> None:
+    """Mean of each block, cells outside the raster counted as 0."""
+    for i in range(means.shape[0]):
+        for j in range(means.shape[1]):
+            total = 0.0
+            for k in range(n * i, min(n * i + n, values.shape[0])):
+                for m in range(n * j, min(n * j + n, values.shape[1])):
+                    total += values[k, m]
+            means[i, j] = total / n**2
