@@ -148,8 +148,8 @@ def _found(target: TurnedRelief, source: TurnedRelief, k: int, gate: _Gate, leas
     shifts = _shifts(a, b, gate.low, gate.high)
     if shifts is None:
         return np.empty((6, 0))
-    side = common_size(max(shifts.needs(a.shape, b.shape)))  # squares: fewer sizes, spectra that serve more partners
-    surface = correlate(target.spectra(0, (side, side)), source.spectra(k, (side, side)), shifts)
+    rows, columns = (common_size(n) for n in shifts.needs(a.shape, b.shape))
+    surface = correlate(target.spectra(0, (rows, columns)), source.spectra(k, (rows, columns)), shifts)
     yaw = float(_held(np.array(source.yaw(k) - target.yaw(0)), gate.prior))
     x, y = (a.origin[n] - b.origin[n] + a.spacing * s for n, s in enumerate((surface.shift_x, surface.shift_y)))
     turn = float(wrap_angle(yaw - gate.prior.planar[2]))
