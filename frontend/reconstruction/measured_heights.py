@@ -126,7 +126,26 @@ def below_track(data: WindowData, raster: Raster, sigma: float, length: float) -
         One row a ping; those of a length together count as one.
     """
     place = data.sensors[:, :, :2].mean(axis=1)
-    step = np.hypot(*np.gradient(place, axis=0).T) if len(place) > 1 else np.ones(1)
-    precision = np.minimum(step / length, 1.0) / sigma**2
     height = data.sensors[:, :, 2].mean(axis=1) - data.altitude
+    precision = share_of_length(place, length) / sigma**2
     return MeasuredHeights(rows_of(raster, *bilinear(raster, place)), height, precision)
+
+
+def share_of_length(place: FloatArray, length: float) -> FloatArray:
+    """How much of a measurement each of a row of neighbours is, where errors repeat over a length of track.
+
+    Parameters
+    ----------
+    place : ndarray, shape (P, 2)
+        Where each was taken, in order [m].
+    length : float
+        Track over which errors repeat [m].
+
+    Returns
+    -------
+    share : ndarray, shape (P,)
+        Distance to the next over the length, at most 1.
+    """
+    if len(place) < 2:
+        return np.ones(len(place))
+    return np.asarray(np.minimum(np.hypot(*np.gradient(place, axis=0).T) / length, 1.0))

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frontend.arrays import BoolArray, FloatArray, IntArray
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.measured_heights import MeasuredHeights, bilinear, rows_of
+from frontend.reconstruction.measured_heights import MeasuredHeights, bilinear, rows_of, share_of_length
 from frontend.reconstruction.posterior import Posterior
 from frontend.shadows import ShadowConfig, expected_echo, label_shadows
 
@@ -229,7 +229,7 @@ def _ends(
     forward = beams.forward[line, :2] / horizontal[:, None]
     to_port = np.where(side == 0, 1.0, -1.0)
     outward = to_port[:, None] * np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-    step = np.hypot(*np.gradient(beams.sensor[:, 0, :2], axis=0).T)
+    share = share_of_length(beams.sensor[:, 0, :2], config.length)
     edges = np.sqrt(2.0) * config.edge_sigma * _altitude(posterior)[line] / end
     variance = edges**2 + (config.crest_sigma * posterior.raster.spacing) ** 2
     return ShadowEnds(
@@ -241,6 +241,6 @@ def _ends(
         -to_port * beams.turn[line],
         crest,
         end,
-        np.minimum(step[line] / config.length, 1.0) / variance,
+        share[line] / variance,
         config.object_share,
     )

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from frontend.arrays import FloatArray
 from frontend.reconstruction.forward import Raster
-from frontend.reconstruction.measured_heights import MeasuredHeights, bilinear, rows_of
+from frontend.reconstruction.measured_heights import MeasuredHeights, bilinear, rows_of, share_of_length
 from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.shadow_ends import ShadowEnds, ShadowEndsConfig, find_shadow_ends, hear
 from tests.frontend.reconstruction.small_window import make_posterior, make_scene
@@ -181,3 +181,13 @@ def test_lines_of_any_pitch_have_level_directions() -> None:
     np.testing.assert_allclose(np.hypot(*ends.forward.T), 1.0)
     np.testing.assert_allclose(np.hypot(*ends.outward.T), 1.0)
     np.testing.assert_allclose(ends.slope, np.tan(0.2), rtol=1e-6)
+
+
+def test_a_single_line_counts_in_full() -> None:
+    np.testing.assert_array_equal(share_of_length(np.zeros((1, 2)), 4.0), [1.0])
+
+
+def test_lines_close_together_share_one_measurement() -> None:
+    place = np.stack([0.4 * np.arange(5.0), np.zeros(5)], axis=1)
+    np.testing.assert_allclose(share_of_length(place, 4.0), 0.1)
+    np.testing.assert_allclose(share_of_length(place, 0.1), 1.0)
