@@ -136,11 +136,12 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     from frontend.bottom import find_bottom
     from frontend.reconstruction import calibrate
     from sssslam.config import resolve
-    from sssslam.mapping import reconstruct_patches
+    from sssslam.mapping import check_shape_method, map_notes, reconstruct_patches
     from sssslam.products.shape import write_shape
     from sssslam.stages import choose_windows, notes, reconstruct_windows
 
     check_folder(out)
+    check_shape_method(config.map, config.reconstruction)
     recording = dive.read_track()
     config, watch = resolve(config, recording), Shown()
     bottom = find_bottom(recording, config.bottom)
@@ -149,6 +150,7 @@ def reconstruct(dive: Dive, out: Path, config: "Config") -> None:
     _say((*notes(recording, bottom, radiometry, config), *skipped.notes))
     known, how = (bottom, radiometry), (config.map, config.reconstruction.joint)
     submaps = reconstruct_patches(recording, windows, known, how, watch)
+    _say(map_notes(submaps))
     submaps = submaps or reconstruct_windows(recording, windows, known, config, watch)
     write_shape(recording, submaps, bottom.first_bottom_return, out)
     out_console.print(f"{len(submaps)} submaps in {out / 'submaps'}; look at {out / 'figures' / 'submaps.png'}")

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from frontend.bottom import Bottom
 from frontend.patches import patches
 from frontend.radiometry import Radiometry
+from frontend.reconstruction import ReconstructionConfig
 from frontend.reconstruction.joint import JointConfig, reconstruct_together
 from frontend.recording import Recording
 from frontend.submaps import Submap
@@ -67,6 +68,28 @@ def reconstruct_patches(
     found = patches(recording.trajectory_dr, windows, float(recording.slant_range_max.max()), settings.most_pings)
     submaps = in_order(lambda passes: reconstruct_together(recording, passes, *known, joint), found)
     return [replace(next(submaps), number=number) for number in watch.track("map", range(len(found)))]
+
+
+def check_shape_method(config: MapConfig, reconstruction: ReconstructionConfig) -> None:
+    """Refuse to call patches the work of another method than the one that makes them.
+
+    Parameters
+    ----------
+    config : MapConfig
+        Whether patches are wanted.
+    reconstruction : ReconstructionConfig
+        The method that is asked for.
+
+    Raises
+    ------
+    ValueError
+        If patches are wanted of a method that takes one pass at a time.
+    """
+    if config.method == "together" and reconstruction.method != "joint":
+        raise ValueError(
+            f"all passes together by the method {reconstruction.method} given; joint is wanted, or each pass alone: "
+            f"{reconstruction.method} knows no second pass"
+        )
 
 
 def map_notes(submaps: Sequence[Submap]) -> tuple[str, ...]:

@@ -248,6 +248,13 @@ def test_a_fault_of_the_program_can_be_traced(shell: Shell, monkeypatch: pytest.
         shell("info", "nowhere.xtf")
 
 
+def test_all_passes_together_by_a_method_of_single_passes_is_refused(shell: Shell, dive: Path) -> None:
+    status, _, errors = shell("reconstruct", dive, "-o", "out", "--method", "coiras", "--together")
+    assert (status, errors.count("\n")) == (1, 1)
+    assert "joint is wanted" in errors
+    assert not Path("out").exists()
+
+
 def test_an_unknown_method_of_reconstruction_is_refused(shell: Shell, dive: Path) -> None:
     status, _, errors = shell("reconstruct", dive, "-o", "out", "--method", "guess")
     assert status == 1

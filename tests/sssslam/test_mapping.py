@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import sssslam
+from frontend.reconstruction import ReconstructionConfig
+from sssslam.mapping import MapConfig, check_shape_method
 from sssslam.products.maps import blend_submaps
 from sssslam.products.result import Result
 from sssslam.products.run import read_run
@@ -53,3 +55,15 @@ def test_the_map_of_a_run_is_that_of_its_patches(together: Result, tmp_path_fact
     np.testing.assert_allclose(written.z, of_patches.z, atol=1e-4)  # 32-bit floats
     assert together.timings["map"] > 0
     assert f"Map of {len(frames)} patches, each one surface for all passes over it." in together.notes
+
+
+def test_patches_by_a_method_of_single_passes_are_refused_in_one_line() -> None:
+    with pytest.raises(ValueError, match="together by the method woock given; joint is wanted"):
+        check_shape_method(MapConfig(method="together"), ReconstructionConfig(method="woock"))
+
+
+@pytest.mark.parametrize(("how", "method"), [("together", "joint"), ("blended", "woock")])
+def test_patches_by_joint_and_passes_by_any_method_are_fine(how: str, method: str) -> None:
+    check_shape_method(
+        MapConfig.model_validate({"method": how}), ReconstructionConfig.model_validate({"method": method})
+    )
