@@ -42,6 +42,9 @@ class ShadowEndsConfig(BaseModel):
     length: float = Field(
         default=1.0, gt=0, description="Track over which errors repeat [m]: neighbours see one crest."
     )
+    tail: float = Field(
+        default=20.0, gt=0, description="Variances [1] by which a crest that counts half is off; some are no shadows."
+    )
     object_share: float = Field(
         default=0.1,
         ge=0,
@@ -65,8 +68,8 @@ class ShadowEnds:
         Slant ranges [m].
     precision : ndarray, shape (N,)
         Of the height of each crest [1/m^2].
-    object_share : float
-        Share of the height that a crest lacks which may be an object's [1].
+    object_share, tail : float
+        As in `ShadowEndsConfig`.
     """
 
     sensor: FloatArray
@@ -79,6 +82,7 @@ class ShadowEnds:
     end: FloatArray
     precision: FloatArray
     object_share: float
+    tail: float
 
     def __len__(self) -> int:
         """Number of shadows."""
@@ -113,6 +117,24 @@ class ShadowEnds:
         cells = np.concatenate([cells_crest, cells_end], axis=1)
         weights = np.concatenate([weights_crest, -share[:, None] * weights_end], axis=1)
         return MeasuredHeights(rows_of(raster, cells, weights), s * (1 - share), self.precision)
+
+    def robust(self, crests: MeasuredHeights, z: FloatArray) -> MeasuredHeights:
+        """What the shadows say, that which a surface contradicts said more softly.
+
+        Parameters
+        ----------
+        crests : MeasuredHeights
+            What `crests` gave for the surface.
+        z : ndarray, shape (n_y, n_x)
+            Heights of the surface [m].
+
+        Returns
+        -------
+        measured : MeasuredHeights
+            With less precision the more variances a row misses by: it may be no shadow, or that of another crest.
+        """
+        squares = crests.precision * crests.miss(z) ** 2
+        return replace(crests, precision=crests.precision / (1 + squares / self.tail))
 
     def _place(self, slant_range: FloatArray, height: FloatArray) -> FloatArray:
         """Shape (N, 2): where the line is at a height at a slant range."""
@@ -175,7 +197,7 @@ def hear(ends: ShadowEnds, posterior: Posterior, z: FloatArray) -> Posterior:
     A belief in objects that is heavy-tailed about zero holds them down as long as they are small: without a word that
     there is one, a crest would be raised by all of the floor around it.
     """
-    crests = ends.crests(z, posterior.raster)
+    crests = ends.robust(ends.crests(z, posterior.raster), z)
     lack = np.maximum(-ends.object_share * crests.miss(z), 0.0)
     rows = crests.weights.tocoo()
     shadow, cell = rows.coords
@@ -243,4 +265,5 @@ def _ends(
         end,
         share[line] / variance,
         config.object_share,
+        config.tail,
     )

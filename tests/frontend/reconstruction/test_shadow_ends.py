@@ -17,7 +17,7 @@ from tests.frontend.reconstruction.small_window import make_posterior, make_scen
 
 RASTER = Raster(81, 21, 1.0, (-10.0, -40.0))
 LINE, PORT = 2, 0
-SHARE = 0.1
+SHARE, TAIL = 0.1, 20.0
 FIRST, AFTER = 44, 53  # bins of half a metre: 22.0 to 26.5 m
 
 
@@ -27,7 +27,7 @@ def ends_of(crest: float, end: float, pitch: float = 0.0, advance: float = 0.0) 
     forward, outward = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
     motion = (np.tan(pitch) * one, advance * one, 0.0 * one)
     ranges = crest * one, end * one
-    return ShadowEnds(np.array([[0.0, 0.0, 12.0]]), outward, forward, *motion, *ranges, one, SHARE)
+    return ShadowEnds(np.array([[0.0, 0.0, 12.0]]), outward, forward, *motion, *ranges, one, SHARE, TAIL)
 
 
 def lit(is_dark: slice | None = None, share: float = 0.0) -> Posterior:
@@ -166,6 +166,17 @@ def test_a_posterior_that_hears_a_shadow_looks_for_an_object_where_its_crest_is(
     assert abs(posterior.raster.origin[1] + row * posterior.raster.spacing - across) <= 1.0
     assert abs(posterior.raster.origin[0] + column * posterior.raster.spacing) <= 1.0
     assert heard.standing.max() == pytest.approx(-SHARE * crest.miss(np.zeros(posterior.raster.shape))[0])
+
+
+def test_a_shadow_that_the_surface_contradicts_counts_less() -> None:
+    flat = np.zeros(RASTER.shape)
+    ends = ends_of(18.0, 22.0)
+    crests = ends.crests(flat, RASTER)
+    squares = crests.precision * crests.miss(flat) ** 2
+    np.testing.assert_allclose(ends.robust(crests, flat).precision, crests.precision / (1 + squares / TAIL))
+    np.testing.assert_allclose(
+        replace(ends, tail=float(squares[0])).robust(crests, flat).precision, 0.5 * crests.precision
+    )
 
 
 def test_a_crest_that_is_high_enough_asks_for_no_object() -> None:
