@@ -52,7 +52,7 @@ class AcceptanceConfig(BaseModel):
         "deviations]: every wrong heading has a chance to come near.",
     )
     min_information: float = Field(
-        default=0.04,
+        default=0.045,
         ge=0,
         description="Least root-mean-square relief over the height sigma [1]; below, floor is too flat to recognise.",
     )
