@@ -51,6 +51,8 @@ def calibrated(problem: Problem, estimate: Estimate) -> Calibration | None:
     calibration : Calibration or None
         None where errors that change from step to step explain the closures much better, or no minimum is found.
     """
+    assert problem.constants is not None
+    problem = replace(problem, constants=problem.constants.of_steps())
     squares = bordered(problem, estimate.holding, estimate.odometry_scale)
     try:
         T, size = _minimum(squares, estimate.T_world_anchor)

@@ -5,7 +5,7 @@ step to step, they cost what closures know of them, and no sum of steps says how
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,20 @@ class ConstantErrors:
     def n_errors(self) -> int:
         """Number of constant errors K."""
         return self.moves.shape[2]
+
+    def of_steps(self) -> "ConstantErrors":
+        """The same errors, as if they did nothing to the first pose.
+
+        Returns
+        -------
+        constants : ConstantErrors
+            To solve for. The heading at the start deviates as later ones do, but a constant bias of it, of which
+            closures say nothing, is as large: told from the deviations alone, the whole track would be turned by more
+            than it was wrong, and too surely.
+        """
+        moves = self.moves.copy()
+        moves[0] = 0.0
+        return replace(self, moves=moves)
 
     def first_pose(self, sigmas: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Take what constant errors do off the uncertainty of the first pose.

@@ -13,7 +13,6 @@ from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.unknowns import Unknowns
 
 _SHORTER = 0.4
-_N_SHORTENED = 4  # times that a step may be shortened for the sake of lines kept aside, the full one counted
 
 
 class SolverConfig(BaseModel):
@@ -33,11 +32,6 @@ class SolverConfig(BaseModel):
     )
     improvement: float = Field(
         default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share [1]: noise."
-    )
-    aside_share: float = Field(
-        default=0.03,
-        ge=0,
-        description="Rise of the cost of lines kept aside over its fall elsewhere that a step may bring [1].",
     )
     step_height: float = Field(
         default=0.75, gt=0, description="Largest change of a height in one step [cells]; visibility changes."
@@ -94,31 +88,18 @@ def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: flo
         The best state seen; never worse than the start.
     """
     mu = posterior.predict(x)
-    costs = [posterior.cost(x, mu)]
+    costs, aside = [posterior.cost(x, mu)], posterior.held_out_cost(mu)
     for _ in range(config.n_steps):
         if time.monotonic() >= until:
             break
-        found = _longest_step(posterior, State(x, mu, costs[-1]), config)
-        if found is None:
+        found = _backtrack(posterior, State(x, mu, costs[-1]), _step(posterior, x, mu, config))
+        if found is None or posterior.held_out_cost(found.mu) > aside:
             break
         x, mu, cost = found
         costs.append(cost)
         if costs[-2] - cost < config.improvement * abs(costs[-2]):
             break
     return Solution(x, mu, tuple(costs))
-
-
-def _longest_step(posterior: Posterior, now: State, config: SolverConfig) -> State | None:
-    """A step that lowers the cost, short enough not to fit the noise of lines at the expense of those kept aside."""
-    step, aside = _step(posterior, now.x, now.mu, config), posterior.held_out_cost(now.mu)
-    for _ in range(_N_SHORTENED):
-        found = _backtrack(posterior, now, step)
-        if found is None:
-            return None
-        if posterior.held_out_cost(found.mu) - aside <= config.aside_share * (now.cost - found.cost):
-            return found
-        step = step.times(_SHORTER)
-    return None
 
 
 def _step(posterior: Posterior, x: Unknowns, mu: FloatArray, config: SolverConfig) -> Unknowns:

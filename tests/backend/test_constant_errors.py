@@ -26,6 +26,16 @@ def test_a_scaled_velocity_lengthens_a_step_and_a_turned_one_moves_it_to_port(po
     assert (moves[0] == 0.0).all()
 
 
+def test_what_is_solved_for_leaves_the_first_pose_alone_and_every_step_as_it_is() -> None:
+    moves, rest = np.ones((4, 6, 2)), np.tile(np.eye(6), (3, 1, 1))
+    steps = ConstantErrors(moves, rest).of_steps()
+    assert not steps.moves[0].any()
+    np.testing.assert_array_equal(steps.moves[1:], moves[1:])
+    kept, sigmas = steps.first_pose(np.full(6, 2.0))
+    assert not kept.any()
+    np.testing.assert_allclose(sigmas, 2.0)
+
+
 def test_the_first_pose_deviates_with_its_own_heading(poses):
     T = poses(np.array([[3.0, 4.0, 0.0], [3.0, 34.0, 0.0]]), np.full(2, np.pi / 2))
     config = DeadReckoningConfig(heading_deviation_sd=0.03, velocity_scale_sd=0.0, velocity_misalignment_sd=0.0)

@@ -20,6 +20,7 @@ from frontend.reconstruction.forward import Raster
 from frontend.reconstruction.joint import cell_spacing, first_surface, reconstruct, reconstruct_together
 from frontend.reconstruction.priors import PriorConfig
 from frontend.reconstruction.roughness import RoughnessConfig
+from frontend.reconstruction.shadow_ends import ShadowEndsConfig
 from frontend.reconstruction.solver import SolverConfig
 from frontend.reconstruction.uncertainty import resample
 from frontend.recording import Recording
@@ -179,6 +180,17 @@ def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
     assert rms[0] < 0.5 * rms[1]
 
 
+def test_a_ridge_has_the_height_that_its_shadow_tells(tmp_path: Path, radiometry: Radiometry) -> None:
+    def ridges(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.clip((np.abs(y) - 10.0) * 0.16, 0.0, 3.2) * (np.abs(y) < 30.0) + 0.0 * x
+
+    recording = sound(tmp_path, ridges)
+    deaf = JointConfig(shadow_ends=ShadowEndsConfig(darkest=0.0))
+    heard, not_heard = (see(recording, radiometry, config) for config in (JOINT, deaf))
+    crests = [float(np.abs(seen.error[seen.inside(30.0) & ~seen.inside(24.0)].mean())) for seen in (heard, not_heard)]
+    assert crests[0] < 0.75 * crests[1]
+
+
 def test_two_passes_together_know_a_hill_between_them_better_than_each_alone(
     tmp_path: Path, radiometry: Radiometry
 ) -> None:
@@ -216,40 +228,6 @@ def test_a_wall_casts_a_shadow_and_what_lies_in_it_is_marked(tmp_path: Path, rad
     assert submap.is_shadow[behind].mean() > 0.8
     assert submap.is_shadow[before].mean() < 0.02
     assert np.isfinite(submap.surface.z[behind]).all()
-
-
-BOULDERS = np.array([[-25, 15], [-15, 25], [-5, 20], [5, 30], [15, 18], [25, 25], [-20, -15], [-10, -20], [10, -30]])
-
-
-def standing(submap: Submap) -> float:
-    """How tall boulders stand over the floor, on the mean [m]."""
-    x, y = np.meshgrid(submap.surface.x, submap.surface.y)
-    near = [submap.surface.z[np.hypot(x - a, y - b) < 2.5].max() for a, b in BOULDERS]
-    return float(np.mean(near) - np.median(submap.surface.z[submap.is_known]))
-
-
-def boulders(height: float, radius: float) -> Floor:
-    """Cones that are flat on top: so wide at half their height."""
-
-    def floor(x: FloatArray, y: FloatArray) -> FloatArray:
-        distance = np.min([np.hypot(x - a, y - b) for a, b in BOULDERS], axis=0)
-        return np.asarray(height * np.clip(1.3 - distance / radius, 0.0, 1.0))
-
-    return floor
-
-
-@pytest.mark.parametrize("height", [1.5, 2.5])
-def test_boulders_are_as_tall_as_they_are(tmp_path: Path, radiometry: Radiometry, height: float) -> None:
-    recording = sound(tmp_path, boulders(height, 1.5))
-    assert standing(see(recording, radiometry).submap) == pytest.approx(height, abs=HALF_A_BIN)
-
-
-def test_small_boulders_are_not_given_up_for_the_lines_kept_aside(tmp_path: Path, radiometry: Radiometry) -> None:
-    recording = sound(tmp_path, boulders(0.8, 1.0))
-    strict = JointConfig(solver=SolverConfig(aside_share=0.0))
-    as_it_is, given_up = (standing(see(recording, radiometry, config).submap) for config in (JOINT, strict))
-    assert given_up < 0.5 * 0.8  # single looks say little of a metre's width: any step fits some noise
-    assert as_it_is == pytest.approx(0.8, abs=HALF_A_BIN)
 
 
 def test_sigma_says_how_far_heights_are_off(flat: Recording, radiometry: Radiometry) -> None:
