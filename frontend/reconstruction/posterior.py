@@ -142,9 +142,7 @@ class Posterior:
         by_height, by_reflectivity, by_beam = pull_back(
             z, x.log_reflectivity, self.raster, self.beams, self._tables(x), self.bins, weight
         )
-        by_height += (self.measured.weights.T @ (self.measured.precision * self.measured.miss(self.height(x)))).reshape(
-            z.shape
-        )
+        by_height += (self.measured.weights.T @ (self.measured.precision * self.measured.miss(z))).reshape(z.shape)
         by_gain = (by_mu * (mu - self.bins.floor)).sum(axis=2)
         echoes = Unknowns(by_height, by_height, by_reflectivity, by_beam, by_gain)
         return echoes.plus(self.prior.gradient(x))
