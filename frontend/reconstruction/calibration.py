@@ -98,7 +98,7 @@ def _with_exponent(
 
     def misfit(exponent: float) -> FloatArray:
         solved = in_order(partial(_coarsely, under(exponent), joint), data)
-        return np.array([posterior.held_out_cost(solution.mu) for posterior, solution in solved])
+        return np.array([posterior.held_out_costs(solution.mu).sum() for posterior, solution in solved])
 
     return under(likeliest_exponent(misfit, config.exponent, config.exponent_spread))
 

@@ -147,7 +147,8 @@ def reconstruct_together(
     window = windows[0]
     data = join([window_data(recording, each, bottom, radiometry) for each in windows])
     posteriors = coarse_to_fine(data, radiometry, config)
-    roughness = learn_roughness(posteriors[0], config.roughness, config.solver, until)
+    second_finest = posteriors[-2:][0]
+    roughness = learn_roughness(second_finest, config.roughness, config.solver, until)
     ends = find_shadow_ends(posteriors[-1], config.shadow_ends)
     levels = descend([believing(posterior, roughness) for posterior in posteriors], config.solver, until, ends)
     posterior, solution = levels[-1]

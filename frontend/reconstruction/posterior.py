@@ -103,11 +103,11 @@ class Posterior:
             To be made small.
         """
         miss = self.measured.miss(self.height(x))
-        echoes = self._robust(self.bins.looks, mu)
+        echoes = self._robust(self.bins.looks, mu).sum()
         return float(echoes + 0.5 * (self.measured.precision * miss**2).sum() + self.prior.cost(x))
 
-    def held_out_cost(self, mu: FloatArray) -> float:
-        """What the bins that are kept aside say.
+    def held_out_costs(self, mu: FloatArray) -> FloatArray:
+        """What the lines that are kept aside say.
 
         Parameters
         ----------
@@ -116,10 +116,10 @@ class Posterior:
 
         Returns
         -------
-        cost : float
-            Their share of the cost, had they been looked at.
+        costs : ndarray, shape (P, 2)
+            The share of the cost that each line and side would have, had it been looked at; zero for all others.
         """
-        return self._robust(self.held_out, mu)
+        return self._robust(self.held_out, mu).sum(axis=2)
 
     def gradient(self, x: Unknowns, mu: FloatArray) -> Unknowns:
         """Exact gradient of the cost for the samples seen at x.
@@ -186,8 +186,8 @@ class Posterior:
     def _tables(self, x: Unknowns) -> Tables:
         return replace(self.tables, log_beam=self.tables.log_beam + x.beam)
 
-    def _robust(self, looks: FloatArray, mu: FloatArray) -> float:
-        return float(0.5 * self.tail * np.log1p(_deviance(self.bins.intensity, looks, mu) / self.tail).sum())
+    def _robust(self, looks: FloatArray, mu: FloatArray) -> FloatArray:
+        return np.asarray(0.5 * self.tail * np.log1p(_deviance(self.bins.intensity, looks, mu) / self.tail))
 
 
 def _deviance(intensity: FloatArray, looks: FloatArray, mu: FloatArray) -> FloatArray:

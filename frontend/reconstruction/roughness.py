@@ -1,4 +1,4 @@
-"""How rough one window is, wave by wave: the belief about its relief follows what a first coarse look makes of it."""
+"""How rough one window is, wave by wave: the belief about its relief follows what first looks make of it."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from frontend.reconstruction.posterior import Posterior
 from frontend.reconstruction.solver import Solution, SolverConfig, minimise
 from frontend.reconstruction.unknowns import to_cosine
 
-_NO_OBJECTS = 1e-3  # of their height: a coarse cell has no boulders, only relief that the waves are to explain
+_NO_OBJECTS = 1e-3  # of their height: for these looks there are no boulders, only relief that waves are to explain
 
 
 class RoughnessConfig(BaseModel):
@@ -21,7 +21,7 @@ class RoughnessConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     n_rounds: int = Field(
-        default=3, ge=0, description="Coarse looks [1], each with the belief of the one before; 0 keeps the dive's."
+        default=3, ge=0, description="First looks [1], each with the belief of the one before; 0 keeps the dive's."
     )
     evidence: float = Field(
         default=4.0, gt=0, description="Waves [1] that the dive's belief counts for against those of the window."
@@ -79,7 +79,7 @@ def learn_roughness(
     Parameters
     ----------
     posterior : Posterior
-        The window at its coarsest resolution, with the dive's belief.
+        The window with the dive's belief, at a resolution that shows the waves to be told.
     config : RoughnessConfig
         How far to follow the window.
     solver : SolverConfig

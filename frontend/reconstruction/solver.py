@@ -30,6 +30,11 @@ class SolverConfig(BaseModel):
         lt=1,
         description="Residual of a linear solve, as a share of its start [1]; the cost is not quadratic.",
     )
+    doubt: float = Field(
+        default=2.0,
+        gt=0,
+        description="Standard deviations [1] by which lines kept aside must contradict a step for it to be given up.",
+    )
     improvement: float = Field(
         default=1e-3, gt=0, description="Stop when a step lowers the cost by less than this share [1]: noise."
     )
@@ -69,7 +74,7 @@ class State(NamedTuple):
 
 
 def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: float = np.inf) -> Solution:
-    """Make the cost of a posterior small, as long as the echoes kept aside agree.
+    """Make the cost of a posterior small, as long as the lines kept aside do not speak against it.
 
     Parameters
     ----------
@@ -88,18 +93,24 @@ def minimise(posterior: Posterior, x: Unknowns, config: SolverConfig, until: flo
         The best state seen; never worse than the start.
     """
     mu = posterior.predict(x)
-    costs, aside = [posterior.cost(x, mu)], posterior.held_out_cost(mu)
+    costs, aside = [posterior.cost(x, mu)], posterior.held_out_costs(mu)
     for _ in range(config.n_steps):
         if time.monotonic() >= until:
             break
         found = _backtrack(posterior, State(x, mu, costs[-1]), _step(posterior, x, mu, config))
-        if found is None or posterior.held_out_cost(found.mu) > aside:
+        if found is None or _speak_against(after := posterior.held_out_costs(found.mu), aside, config.doubt):
             break
-        x, mu, cost = found
+        (x, mu, cost), aside = found, after
         costs.append(cost)
         if costs[-2] - cost < config.improvement * abs(costs[-2]):
             break
     return Solution(x, mu, tuple(costs))
+
+
+def _speak_against(after: FloatArray, before: FloatArray, doubt: float) -> bool:
+    """Whether lines kept aside have become dearer by more than chance would make them, line by line."""
+    dearer = after - before
+    return bool(dearer.sum() > doubt * np.sqrt((dearer**2).sum()))
 
 
 def _step(posterior: Posterior, x: Unknowns, mu: FloatArray, config: SolverConfig) -> Unknowns:

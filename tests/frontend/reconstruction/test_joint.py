@@ -180,6 +180,21 @@ def test_a_groove_along_the_track_is_found_on_a_dive_that_was_smooth_so_far(
     assert rms[0] < 0.5 * rms[1]
 
 
+def test_waves_too_short_for_the_coarsest_cells_are_found_on_a_dive_that_was_smooth_so_far(
+    tmp_path: Path, radiometry: Radiometry
+) -> None:
+    def waves(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(0.2 * np.sin(2 * np.pi * (0.5 * x + np.sqrt(0.75) * y) / 7.0))
+
+    recording = sound(tmp_path, waves)
+    following, fixed = (
+        see(recording, radiometry, JointConfig(roughness=RoughnessConfig(n_rounds=n)))
+        for n in (RoughnessConfig().n_rounds, 0)
+    )
+    rms = [float(np.std(seen.error[seen.inside(40.0)])) for seen in (following, fixed)]
+    assert rms[0] < 0.6 * rms[1]
+
+
 def test_a_ridge_has_the_height_that_its_shadow_tells(tmp_path: Path, radiometry: Radiometry) -> None:
     def ridges(x: FloatArray, y: FloatArray) -> FloatArray:
         return np.clip((np.abs(y) - 10.0) * 0.16, 0.0, 3.2) * (np.abs(y) < 30.0) + 0.0 * x

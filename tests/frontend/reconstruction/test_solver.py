@@ -127,6 +127,21 @@ def test_a_step_that_the_echoes_kept_aside_contradict_is_not_taken() -> None:
     assert len(minimise(replace(torn, held_out=0 * looks), start, SolverConfig()).costs) > 1
 
 
+def test_a_step_is_taken_though_one_loud_line_kept_aside_contradicts() -> None:
+    posterior, _ = make_posterior(relief=0.4)
+    start = posterior.origin()
+    odd = np.arange(6)[:, None, None] == 1
+    echoes = np.where(odd, posterior.predict(start), posterior.bins.intensity)
+    seen = np.arange(6)[:, None, None] % 2 == 0
+    looks = posterior.bins.looks
+    aside = np.where(seen, 0.0, np.where(odd, 100.0, 1.0) * looks)
+    bins = replace(posterior.bins, intensity=echoes, looks=np.where(seen, looks, 0.0))
+    torn = replace(posterior, bins=bins, held_out=aside)
+    solution = minimise(torn, start, SolverConfig(n_steps=1))
+    assert len(solution.costs) == 2
+    assert torn.held_out_costs(solution.mu).sum() > torn.held_out_costs(torn.predict(start)).sum()
+
+
 def test_the_start_is_not_changed() -> None:
     posterior, x = make_posterior()
     before = Unknowns(*(part.copy() for part in x))
