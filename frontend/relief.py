@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from frontend.arrays import BoolArray, FloatArray
 from frontend.footprints import distance_from_track, evenness, without_profile
+from frontend.repetition import without_repetition
 from frontend.submaps import Submap
 
 
@@ -111,7 +112,7 @@ class Relief:
 
 
 def extract_relief(submap: Submap, config: ReliefConfig | None = None) -> Relief:
-    """Take what is comparable out of a submap.
+    """Take what is comparable out of a submap: neither tilt, long waves and marks of the sonar, nor what repeats.
 
     Parameters
     ----------
@@ -133,6 +134,7 @@ def extract_relief(submap: Submap, config: ReliefConfig | None = None) -> Relief
     weight = known / (1 + (sigma / max(float(np.median(sigma[known])), 1e-9)) ** 2) if known.any() else sigma * 0.0
     distance = distance_from_track(submap)
     z, reflectivity = (band_pass(a, weight, spacing, config) for a in (height, np.nan_to_num(submap.log_reflectivity)))
+    z, reflectivity = (without_repetition(a, weight) for a in (z, reflectivity))
     even = evenness(z, weight, distance, spacing)
     z, reflectivity = (without_profile(a, weight, distance, spacing) for a in (z, reflectivity))
     weight = weight * even
