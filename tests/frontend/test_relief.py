@@ -79,6 +79,18 @@ def test_the_gauge_of_a_submap_does_not_change_its_relief():
     assert extract_relief(tilted).z == pytest.approx(extract_relief(submap).z, abs=1e-9)
 
 
+def test_of_sand_waves_the_floor_between_the_crests_is_left():
+    submap = rough_submap()
+    x, y = np.meshgrid(submap.surface.x, submap.surface.y)
+    waves = 0.5 * np.sin(2 * np.pi * (0.6 * x + 0.8 * y) / 8.0)
+    with_waves = replace(submap, surface=replace(submap.surface, z=submap.surface.z + waves))
+    bare, relief = extract_relief(submap), extract_relief(with_waves)
+    inside = bare.weight > 0.5 * bare.weight.max()
+    assert np.std(waves) > np.std(bare.z[inside])
+    assert np.std(relief.z[inside]) < 1.3 * np.std(bare.z[inside])
+    assert np.corrcoef(relief.z[inside], bare.z[inside])[0, 1] > 0.8
+
+
 def test_unknown_shadowed_and_hopeless_cells_have_no_weight_and_no_influence():
     submap = rough_submap()
     shadow, sigma, z = submap.is_shadow.copy(), submap.sigma.copy(), submap.surface.z.copy()
