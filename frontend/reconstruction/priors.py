@@ -20,7 +20,7 @@ class PriorConfig(BaseModel):
         default=1.0, gt=0, description="Spectrum of the smooth relief against what the dive's echoes show [1]."
     )
     least_roughness: float = Field(
-        default=1e-3,
+        default=2e-3,
         gt=0,
         description="No floor is believed smoother than this spectrum [1]; elsewhere it may be rougher.",
     )

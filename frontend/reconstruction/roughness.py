@@ -32,7 +32,7 @@ class RoughnessConfig(BaseModel):
         description="Half-waves a window [1] over which power is averaged; ripples and grooves have narrow spectra.",
     )
     least: float = Field(
-        default=0.5, gt=0, le=1, description="No wave is believed weaker than this share of the dive's power [1]."
+        default=1.0, gt=0, le=1, description="No wave is believed weaker than this share of the dive's power [1]."
     )
     most: float = Field(default=1e3, ge=1, description="Nor stronger than so many times the dive's power [1].")
 
