@@ -1,9 +1,9 @@
 """Footprints: what all cells at one distance from the track have in common is the sonar's mark, not the floor's."""
 
+import numba
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median
-from scipy.spatial import KDTree
 
 from frontend.arrays import FloatArray, IntArray
 from frontend.submaps import Submap
@@ -29,11 +29,11 @@ def distance_from_track(submap: Submap) -> FloatArray:
     track = submap.track[:, :2]
     if len(track) < 2:
         return np.full(submap.surface.z.shape, np.nan)
-    points = np.stack(np.meshgrid(submap.surface.x, submap.surface.y), axis=-1)
-    _, nearest = KDTree(track).query(points)
-    forward, away = np.gradient(track, axis=0)[nearest], points - track[nearest]
-    left = forward[..., 0] * away[..., 1] - forward[..., 1] * away[..., 0]
-    return np.asarray(left / np.maximum(np.hypot(*np.moveaxis(forward, -1, 0)), 1e-9))
+    course = np.gradient(track, axis=0)
+    course /= np.maximum(np.hypot(*course.T), 1e-9)[:, None]
+    distance = np.empty(submap.surface.z.shape)
+    _athwart(submap.surface.x, submap.surface.y, track, course, distance)
+    return distance
 
 
 def without_profile(values: FloatArray, weight: FloatArray, distance: FloatArray, step: float) -> FloatArray:
@@ -116,3 +116,19 @@ def _fit(node: IntArray, share: FloatArray, values: FloatArray, weight: FloatArr
     beside = np.bincount(node + 1, below * share, n)
     damped = diagonal + _DAMPING * max(float(diagonal.max()), 1e-30)
     return np.asarray(solveh_banded(np.stack([beside, damped]), onto(below * values, above * values)))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _athwart(x: FloatArray, y: FloatArray, track: FloatArray, course: FloatArray, distance: FloatArray) -> None:
+    """Distance to port of the course at the ping nearest to each cell, the first of equals."""
+    least, nearest = np.empty(len(x)), np.zeros(len(x), dtype=np.int64)
+    for i in range(len(y)):
+        least[:] = np.inf
+        for p in range(len(track)):
+            along_y = (track[p, 1] - y[i]) ** 2
+            for j in range(len(x)):
+                squared = (track[p, 0] - x[j]) ** 2 + along_y
+                nearest[j] = p if squared < least[j] else nearest[j]
+                least[j] = min(squared, least[j])
+        for j, p in enumerate(nearest):
+            distance[i, j] = course[p, 0] * (y[i] - track[p, 1]) - course[p, 1] * (x[j] - track[p, 0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
 from frontend.footprints import distance_from_track, evenness, without_profile
 from frontend.frames import planar_pose
@@ -50,6 +51,17 @@ def test_the_distance_from_a_circle_is_that_from_its_line_and_positive_inside_a_
     beside = (np.abs(np.arctan2(x, RADIUS - y)) < 0.85) & (y < RADIUS)
     expected = RADIUS - np.hypot(x, y - RADIUS)
     assert distance_from_track(submap)[beside] == pytest.approx(expected[beside], abs=0.05)
+
+
+def test_the_distance_is_counted_at_the_ping_that_a_tree_finds_nearest():
+    submap = pass_over_mud()
+    track = np.cumsum(np.random.default_rng(3).normal(0.0, 2.0, (150, 3)), axis=0)
+    points = np.stack(np.meshgrid(submap.surface.x, submap.surface.y), axis=-1)
+    _, nearest = KDTree(track[:, :2]).query(points)
+    course, away = np.gradient(track[:, :2], axis=0)[nearest], points - track[nearest, :2]
+    left = course[..., 0] * away[..., 1] - course[..., 1] * away[..., 0]
+    expected = left / np.hypot(course[..., 0], course[..., 1])
+    assert distance_from_track(replace(submap, track=track)) == pytest.approx(expected, abs=1e-9)  # rounding of 100 m
 
 
 @pytest.mark.parametrize("n_pings", [0, 1])
