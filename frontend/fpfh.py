@@ -61,18 +61,24 @@ def fast_point_feature_histograms(
 def _count_pairs(
     cells: IntArray, number: IntArray, points: FloatArray, reach: FloatArray, normals: FloatArray, own: FloatArray
 ) -> None:
-    """Histograms of each point's pairs with its neighbours; each angle's sums to 100."""
+    """Histograms of each point's pairs with its neighbours, looked at once for both; each angle's sums to 100."""
     n_cells = int(reach[1])
     for p in range(len(cells)):
-        n, i, j = 0, cells[p, 0], cells[p, 1]
-        for k in range(max(i - n_cells, 0), min(i + n_cells + 1, number.shape[0])):
+        i, j = cells[p, 0], cells[p, 1]
+        for k in range(i, min(i + n_cells + 1, number.shape[0])):
             for m in range(max(j - n_cells, 0), min(j + n_cells + 1, number.shape[1])):
                 q = number[k, m]
-                if q < 0 or q == p or _squared_distance(points, p, q) >= reach[0] ** 2:
+                if q <= p or _squared_distance(points, p, q) >= reach[0] ** 2:
                     continue
-                n += 1
-                for bin in _bins(points[p], normals[p], points[q], normals[q]):
-                    own[p, bin] += 1.0
+                turn, tilt, along, is_even = _bins(points[p], normals[p], points[q], normals[q])
+                for point in (p, q):
+                    own[point, turn] += 1.0
+                    own[point, tilt] += 1.0
+                    own[point, along] += 1.0
+                    if is_even:  # neither normal is nearer to the line: counted from each, in its own histogram
+                        turn, tilt, along, _ = _bins(points[q], normals[q], points[p], normals[p])
+    for p in range(len(cells)):
+        n = own[p, :_N_OF_AN_ANGLE].sum()
         if n > 0:
             own[p] *= 100.0 / n
 
@@ -117,12 +123,12 @@ def _squared_distance(points: FloatArray, p: int, q: int) -> float:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
 def _bins(p: AnyArray, n_p: AnyArray, q: AnyArray, n_q: AnyArray):  # type: ignore[no-untyped-def]
-    """Bins of the three angles of two points, counted from the one whose normal is nearer to the line between."""
+    """Bins of the three angles of two points, counted from the normal nearer to the line between, and if none is."""
     x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     distance = np.sqrt(x * x + y * y + z * z)
     along_p = (n_p[0] * x + n_p[1] * y + n_p[2] * z) / distance
     along_q = (n_q[0] * x + n_q[1] * y + n_q[2] * z) / distance
-    a, b, along = n_p, n_q, along_p
+    a, b, along, is_even = n_p, n_q, along_p, abs(along_p) == abs(along_q)
     if abs(along_p) < abs(along_q):
         a, b, along = n_q, n_p, -along_q
         x, y, z = -x, -y, -z
@@ -130,12 +136,12 @@ def _bins(p: AnyArray, n_p: AnyArray, q: AnyArray, n_q: AnyArray):  # type: igno
     v_x, v_y, v_z = y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0]
     length = np.sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     if length == 0.0:
-        return 5, 16, 27  # straight along the normal: all angles count as 0
+        return 5, 16, 27, is_even  # straight along the normal: all angles count as 0
     v_x, v_y, v_z = v_x / length, v_y / length, v_z / length
     w_x, w_y, w_z = a[1] * v_z - a[2] * v_y, a[2] * v_x - a[0] * v_z, a[0] * v_y - a[1] * v_x
     tilt = v_x * b[0] + v_y * b[1] + v_z * b[2]
     turn = np.arctan2(w_x * b[0] + w_y * b[1] + w_z * b[2], a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-    return _bin((turn + np.pi) / (2 * np.pi)), 11 + _bin((tilt + 1.0) / 2), 22 + _bin((along + 1.0) / 2)
+    return _bin((turn + np.pi) / (2 * np.pi)), 11 + _bin((tilt + 1.0) / 2), 22 + _bin((along + 1.0) / 2), is_even
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
