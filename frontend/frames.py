@@ -46,12 +46,16 @@ def rotation_world_body(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Fl
     """
     roll, pitch, yaw = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll, pitch, yaw)))
     cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    rows = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    rotation = np.empty((*roll.shape, 3, 3))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            rotation[..., i, j] = entry
+    return rotation
 
 
 def attitude_from_rotation(rotation: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -112,7 +116,8 @@ def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
     T_target_source : ndarray, shape (4, 4)
         The transform.
     """
-    return pose([x, y, z], rotation_world_body(0.0, 0.0, yaw))
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    return np.array([[cosine, -sine, 0.0, x], [sine, cosine, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]])
 
 
 def planar_parameters(T_target_source: ArrayLike) -> tuple[float, float, float]:
