@@ -130,5 +130,5 @@ def _athwart(x: FloatArray, y: FloatArray, track: FloatArray, course: FloatArray
                 squared = (track[p, 0] - x[j]) ** 2 + along_y
                 nearest[j] = p if squared < least[j] else nearest[j]
                 least[j] = min(squared, least[j])
-        for j, p in enumerate(nearest):
-            distance[i, j] = course[p, 0] * (y[i] - track[p, 1]) - course[p, 1] * (x[j] - track[p, 0])
+        for j, k in enumerate(nearest):
+            distance[i, j] = course[k, 0] * (y[i] - track[k, 1]) - course[k, 1] * (x[j] - track[k, 0])

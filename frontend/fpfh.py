@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from frontend.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from frontend.arrays import BoolArray, FloatArray, IntArray
 
 _N_OF_AN_ANGLE = 11  # bins
 N_BINS = 3 * _N_OF_AN_ANGLE
@@ -70,13 +70,13 @@ def _count_pairs(
                 q = number[k, m]
                 if q <= p or _squared_distance(points, p, q) >= reach[0] ** 2:
                     continue
-                turn, tilt, along, is_even = _bins(points[p], normals[p], points[q], normals[q])
+                turn, tilt, along, is_even = _bins(points, normals, p, q)
                 for point in (p, q):
                     own[point, turn] += 1.0
                     own[point, tilt] += 1.0
                     own[point, along] += 1.0
                     if is_even:  # neither normal is nearer to the line: counted from each, in its own histogram
-                        turn, tilt, along, _ = _bins(points[q], normals[q], points[p], normals[p])
+                        turn, tilt, along, _ = _bins(points, normals, q, p)
     for p in range(len(cells)):
         n = own[p, :_N_OF_AN_ANGLE].sum()
         if n > 0:
@@ -122,25 +122,27 @@ def _squared_distance(points: FloatArray, p: int, q: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]
-def _bins(p: AnyArray, n_p: AnyArray, q: AnyArray, n_q: AnyArray):  # type: ignore[no-untyped-def]
+def _bins(points: FloatArray, normals: FloatArray, p: int, q: int):  # type: ignore[no-untyped-def]
     """Bins of the three angles of two points, counted from the normal nearer to the line between, and if none is."""
-    x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    x, y, z = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1], points[q, 2] - points[p, 2]
     distance = np.sqrt(x * x + y * y + z * z)
-    along_p = (n_p[0] * x + n_p[1] * y + n_p[2] * z) / distance
-    along_q = (n_q[0] * x + n_q[1] * y + n_q[2] * z) / distance
-    a, b, along, is_even = n_p, n_q, along_p, abs(along_p) == abs(along_q)
+    along_p = (normals[p, 0] * x + normals[p, 1] * y + normals[p, 2] * z) / distance
+    along_q = (normals[q, 0] * x + normals[q, 1] * y + normals[q, 2] * z) / distance
+    first, second, along, is_even = p, q, along_p, abs(along_p) == abs(along_q)
     if abs(along_p) < abs(along_q):
-        a, b, along = n_q, n_p, -along_q
+        first, second, along = q, p, -along_q
         x, y, z = -x, -y, -z
+    a_x, a_y, a_z = normals[first, 0], normals[first, 1], normals[first, 2]
+    b_x, b_y, b_z = normals[second, 0], normals[second, 1], normals[second, 2]
     # v is athwart the line and the first normal, w athwart both
-    v_x, v_y, v_z = y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0]
+    v_x, v_y, v_z = y * a_z - z * a_y, z * a_x - x * a_z, x * a_y - y * a_x
     length = np.sqrt(v_x * v_x + v_y * v_y + v_z * v_z)
     if length == 0.0:
         return 5, 16, 27, is_even  # straight along the normal: all angles count as 0
     v_x, v_y, v_z = v_x / length, v_y / length, v_z / length
-    w_x, w_y, w_z = a[1] * v_z - a[2] * v_y, a[2] * v_x - a[0] * v_z, a[0] * v_y - a[1] * v_x
-    tilt = v_x * b[0] + v_y * b[1] + v_z * b[2]
-    turn = np.arctan2(w_x * b[0] + w_y * b[1] + w_z * b[2], a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    w_x, w_y, w_z = a_y * v_z - a_z * v_y, a_z * v_x - a_x * v_z, a_x * v_y - a_y * v_x
+    tilt = v_x * b_x + v_y * b_y + v_z * b_z
+    turn = np.arctan2(w_x * b_x + w_y * b_y + w_z * b_z, a_x * b_x + a_y * b_y + a_z * b_z)
     return _bin((turn + np.pi) / (2 * np.pi)), 11 + _bin((tilt + 1.0) / 2), 22 + _bin((along + 1.0) / 2), is_even
 
 
