@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from frontend.arrays import AnyArray, BoolArray
 from frontend.frames import level, transform
@@ -15,6 +17,8 @@ from sssslam.products import figure_style as look
 from sssslam.products.relief import exaggeration
 
 N_DRAWN = 6
+_MOST_STEPS = 4  # between the ticks of an axis: more of them run into the next axes, and drawing them takes the time
+_SMALL = {"axes.titlesize": 9.0, "xtick.labelsize": 7.5, "ytick.labelsize": 7.5}
 
 
 def choose_submaps(submaps: Sequence[Submap], loop_closures: Sequence[LoopClosure]) -> list[Submap]:
@@ -56,7 +60,7 @@ def draw_submaps(submaps: Sequence[Submap], truth: Truth | None) -> bytes:
     content : bytes
         A PNG.
     """
-    with look.style():
+    with look.style(), matplotlib.rc_context(_SMALL):
         figure, grid = _new_grid(len(submaps), 3 if truth is None or truth.terrain is None else 4)
         for row, submap in zip(grid, submaps, strict=True):
             surfaces = {f"submap {submap.number}: height [m]": submap.surface}
@@ -65,6 +69,8 @@ def draw_submaps(submaps: Sequence[Submap], truth: Truth | None) -> bytes:
             _draw_heights(figure, [row[0], row[-1]], surfaces)
             _draw_sigma(figure, row[1], submap)
             _draw_reflectivity(figure, row[2], submap)
+            for axes in row[1:]:
+                axes.set(xticks=[], yticks=[])  # as in the first of the row
         return look.png(figure)
 
 
@@ -145,10 +151,11 @@ def _finish(figure: Any, axes: Any, scale: Any, title: str) -> None:
     axes.set_facecolor(look.UNKNOWN)
     axes.grid(False)
     axes.set(aspect="equal")
-    axes.set_title(title, fontsize=9)
-    axes.tick_params(labelsize=7.5)
+    axes.set_title(title)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(_MOST_STEPS))
     # a narrow map stands at the left of its place, where its title has room
-    bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02, panchor=(0.0, 0.5))
-    bar.ax.tick_params(labelsize=7.5)
+    ticks = MaxNLocator(_MOST_STEPS)
+    bar = figure.colorbar(scale, ax=axes, shrink=0.85, pad=0.02, panchor=(0.0, 0.5), ticks=ticks)
     for axis in (axes.xaxis, axes.yaxis, bar.ax.xaxis, bar.ax.yaxis):
         axis.set_label_coords(0.0, 0.0)  # there is no label, and its place is not worth looking for
