@@ -34,9 +34,8 @@ def sample_rasters(
     samples : ndarray, shape (K, C)
         Bilinear samples; all 0 where one of the four cells around is outside the grid or has no trust.
     """
-    met, which = samples_that_meet(rasters, positions, frame, planar)
-    samples = np.zeros((len(positions), rasters.shape[2]))
-    samples[which] = met
+    samples, which, n = _met(rasters, positions, frame, planar)
+    _spread(samples, which, n)
     return samples
 
 
@@ -60,9 +59,7 @@ def samples_that_meet(
     which : ndarray of int, shape (M,)
         Which of the positions these are.
     """
-    samples, which = np.empty((len(positions), rasters.shape[2])), np.empty(len(positions), dtype=np.int64)
-    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
-    n = _meet(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples, which)
+    samples, which, n = _met(rasters, positions, frame, planar)
     return samples[:n], which[:n]
 
 
@@ -198,6 +195,27 @@ def descend(
     arguments = (np.ascontiguousarray(rasters), np.ascontiguousarray(cells), np.array(frame, dtype=np.float64))
     _descend(*arguments, end, descent)
     return float(end[0]), float(end[1]), float(end[2])
+
+
+def _met(
+    rasters: FloatArray, positions: FloatArray, frame: tuple[float, float, float], planar: tuple[float, float, float]
+) -> tuple[FloatArray, IntArray, int]:
+    """Samples and numbers of the positions that meet trusted cells, in the first rows; and how many do."""
+    samples, which = np.empty((len(positions), rasters.shape[2])), np.empty(len(positions), dtype=np.int64)
+    arguments = (np.array(frame, dtype=np.float64), np.array(planar, dtype=np.float64))
+    n = _meet(np.ascontiguousarray(rasters), np.ascontiguousarray(positions), *arguments, samples, which)
+    return samples, which, int(n)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _spread(samples: FloatArray, which: IntArray, n: int) -> None:
+    """Move the first rows to their positions, from the last on, and fill up with 0."""
+    end = len(samples)
+    for m in range(n - 1, -1, -1):
+        samples[which[m] + 1 : end] = 0.0
+        samples[which[m]] = samples[m]
+        end = which[m]
+    samples[:end] = 0.0
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc]

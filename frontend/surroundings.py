@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from frontend.arrays import FloatArray
@@ -134,19 +135,40 @@ def _sampled(frame: _Frame, own: _Frame, points: FloatArray) -> FloatArray:
 
 def _add(total: FloatArray, sampled: FloatArray, points: FloatArray) -> None:
     """Add weighted samples to weighted sums, their heights brought onto those already there."""
-    common = (total[:, 0] > 0) & (sampled[:, 0] > 0)
-    if common.any():
-        above = sampled[common, 3] - total[common, 3] / total[common, 0]
-        sampled[:, 3] -= _plane_through(points[common], above, points)
-    total[:, 0] += sampled[:, 0]
-    total[:, 1:] += sampled[:, :1] * sampled[:, 1:]
+    normal, right, plane = np.zeros((3, 3)), np.zeros(3), np.zeros(5)
+    if _fit_plane(total, sampled, points, plane, normal, right):
+        plane[2:] = np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right  # least tilted where that is left open
+    _lay_on(total, sampled, points, plane)
 
 
-def _plane_through(points: FloatArray, heights: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Least-squares plane through heights, at other points; least tilted where they leave it open."""
-    centre = points.mean(axis=0)
-    x, y = (points - centre).T
-    basis = np.stack([np.ones_like(x), x, y])
-    normal, right = np.einsum("ik,jk->ij", basis, basis), np.einsum("ik,k->i", basis, heights)
-    offset, slope_x, slope_y = np.linalg.pinv(normal, rcond=1e-9, hermitian=True) @ right
-    return np.asarray(offset + slope_x * (wanted[:, 0] - centre[0]) + slope_y * (wanted[:, 1] - centre[1]))
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _fit_plane(total, sampled, points, centre, normal, right):  # type: ignore[no-untyped-def]
+    """Normal equations of how far samples lie above what is there, about the middle of the common cells; how many."""
+    n = 0
+    for k in range(len(points)):
+        if total[k, 0] > 0 and sampled[k, 0] > 0:
+            n += 1
+            centre[0] += points[k, 0]
+            centre[1] += points[k, 1]
+    centre[:2] /= max(n, 1)
+    for k in range(len(points)):
+        if total[k, 0] > 0 and sampled[k, 0] > 0:
+            above = sampled[k, 3] - total[k, 3] / total[k, 0]
+            basis = (1.0, points[k, 0] - centre[0], points[k, 1] - centre[1])
+            for i in range(3):
+                right[i] += basis[i] * above
+                for j in range(3):
+                    normal[i, j] += basis[i] * basis[j]
+    return n
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc]
+def _lay_on(total: FloatArray, sampled: FloatArray, points: FloatArray, plane: FloatArray) -> None:
+    """Add weighted samples, their heights less a plane: its centre's x and y, its height there and its slopes."""
+    for k in range(len(points)):
+        weight = sampled[k, 0]
+        if weight > 0:
+            above = plane[2] + plane[3] * (points[k, 0] - plane[0]) + plane[4] * (points[k, 1] - plane[1])
+            total[k, 0] += weight
+            for c in range(1, total.shape[1]):
+                total[k, c] += weight * (sampled[k, c] - above if c == 3 else sampled[k, c])
