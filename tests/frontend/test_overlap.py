@@ -65,7 +65,7 @@ def test_the_true_transform_correlates_best():
     seafloor = rough_seafloor(rng)
     a, b = (cut_submap(seafloor, pose, rng, error=0.02) for pose in ((150.0, 150.0, 0.0), (158.0, 140.0, 0.8)))
     target, source = stack_layers(extract_relief(a)), stack_layers(extract_relief(b))
-    assert lay_over(target, source, (8.0, -10.0, 0.8)).correlation > 0.75
+    assert lay_over(target, source, (8.0, -10.0, 0.8)).correlation > 0.7  # each loses what runs in one direction in it
     assert lay_over(target, source, (-8.0, 10.0, -0.8)).correlation < 0.3
 
 
