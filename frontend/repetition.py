@@ -32,18 +32,17 @@ def without_repetition(values: FloatArray, weight: FloatArray) -> FloatArray:
     that looks alike in all directions stays as it is.
     """
     rest = np.where(weight > 0, values, 0.0)
+    ring = _rings(tuple(next_fast_len(2 * n) for n in values.shape), min(values.shape))
     for _ in range(_N_PASSES):
-        rest = np.where(weight > 0, _evened(rest), 0.0)
+        rest = np.where(weight > 0, _evened(rest, ring), 0.0)
     return np.asarray(rest)
 
 
-def _evened(values: FloatArray) -> FloatArray:
-    """A raster, the power of each coefficient of its transform limited by that of its ring."""
-    shape = tuple(next_fast_len(2 * n) for n in values.shape)
-    spectrum = fft2(values, shape)
-    widths = [_WIDTH * padded / n for padded, n in zip(shape, values.shape, strict=True)]
+def _evened(values: FloatArray, ring: IntArray) -> FloatArray:
+    """A raster, the power of each coefficient of its padded transform limited by that of its ring."""
+    spectrum = fft2(values, ring.shape)
+    widths = [_WIDTH * padded / n for padded, n in zip(ring.shape, values.shape, strict=True)]
     power = gaussian_filter(np.abs(spectrum) ** 2, widths, mode="wrap", truncate=3.0)
-    ring = _rings(shape, min(values.shape))
     usual = np.asarray(median(power, ring, np.arange(ring.max() + 1)))[ring]
     gain = np.sqrt(np.minimum(1.0, _EXCESS * usual / np.maximum(power, np.finfo(np.float64).tiny)))
     return np.asarray(ifft2(gain * spectrum).real[: values.shape[0], : values.shape[1]])
