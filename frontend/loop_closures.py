@@ -133,6 +133,7 @@ def compare_pairs(
     features: Sequence[Features],
     prior_covariance: PriorCovariance,
     config: LoopClosureConfig | None = None,
+    places: Places | None = None,
 ) -> Iterator[LoopClosure]:
     """Compare pairs, several at once; they come one by one, so that a caller can show progress.
 
@@ -146,6 +147,8 @@ def compare_pairs(
         As in `find_loop_closures`.
     config : LoopClosureConfig, optional
         Gates and thresholds.
+    places : Places, optional
+        Of these submaps under the same settings, where a caller wants to use them again.
 
     Yields
     ------
@@ -160,7 +163,8 @@ def compare_pairs(
     if len(features) != len(submaps):
         raise ValueError(f"every submap needs its features, got {len(features)} for {len(submaps)} submaps")
     config = config or LoopClosureConfig()
-    prepared = _prepared(pairs, Places(submaps, config.relief, config.search), features, prior_covariance)
+    places = places or Places(submaps, config.relief, config.search)
+    prepared = _prepared(pairs, places, features, prior_covariance)
 
     def with_prior(pair: _Pair) -> tuple[_Pair, Prior]:
         target, source = pair.positions

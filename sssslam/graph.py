@@ -9,6 +9,7 @@ import numpy as np
 from backend.dead_reckoning import DeadReckoning
 from backend.pose_graph import PoseGraph, PoseGraphSolution
 from frontend.arrays import FloatArray, IntArray
+from frontend.comparison import Places
 from frontend.frames import invert
 from frontend.loop_closures import LoopClosure
 from frontend.pairs import PriorCovariance
@@ -63,6 +64,7 @@ def make_graph(
     dead_reckoning: DeadReckoning,
     config: Config,
     overrides: Overrides | None = None,
+    places: Places | None = None,
 ) -> DiveGraph:
     """Join the anchors by odometry, depth, attitude and the accepted closures.
 
@@ -78,6 +80,8 @@ def make_graph(
         Settings of the back end.
     overrides : Overrides, optional
         Closures that a user accepted: no false one is as good, and the back end does not withdraw them.
+    places : Places, optional
+        What the front end made ready of these submaps to compare them.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def make_graph(
     anchors, T_world_body_dr = anchor_pings(submaps), anchor_poses(submaps)
     graph = PoseGraph(T_world_body_dr, config.pose_graph, config.consistency, config.do_no_harm)
     graph.add_first_pose(first_pose_sigmas(dead_reckoning, int(anchors[0])))
-    maps, settings = MapAgreement(submaps, config.loop_closures), config.dead_reckoning
+    maps, settings = MapAgreement(submaps, config.loop_closures, places), config.dead_reckoning
     for k in range(len(submaps)):
         graph.add_depth_and_tilt(k, settings.depth_sd, settings.tilt_sd)
     for k in range(len(submaps) - 1):

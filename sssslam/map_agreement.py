@@ -20,12 +20,14 @@ class MapAgreement:
         Their positions are the numbers of the anchors.
     config : LoopClosureConfig
         What of the heights is compared, as the front end does.
+    places : Places, optional
+        What the front end made ready of these submaps to compare them.
     """
 
-    def __init__(self, submaps: Sequence[Submap], config: LoopClosureConfig) -> None:
+    def __init__(self, submaps: Sequence[Submap], config: LoopClosureConfig, places: Places | None = None) -> None:
         self._submaps = submaps
         self._config = config
-        self._places = Places(submaps, config.relief, config.search)
+        self._places = places or Places(submaps, config.relief, config.search)
 
     def __call__(self, target: int, source: int, T_target_source: FloatArray) -> float:
         """Significance of the maps' correlation, by relief or both witnesses, at a relative pose of two bodies.

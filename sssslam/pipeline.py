@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from frontend.bottom import find_bottom
+from frontend.comparison import Places
 from frontend.frames import invert
 from frontend.reconstruction import calibrate
 from frontend.recording import Recording
@@ -64,11 +65,12 @@ def slam(
     submaps = reconstruct_windows(recording, windows, (bottom, radiometry), config, watch)
     # shape to loop closures
     features = describe_submaps(submaps, config, watch)
-    found = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch)
+    places = Places(submaps, config.loop_closures.relief, config.loop_closures.search)
+    found = close_loops(submaps, features, (recording.trajectory_dr, dead_reckoning), config, watch, places)
     closures = override(found, overrides)
     # loop closures to a trajectory
     with watch.stage("pose graph"):
-        graph = make_graph(submaps, closures, dead_reckoning, config, overrides)
+        graph = make_graph(submaps, closures, dead_reckoning, config, overrides, places)
         seen = fixes_at_anchors(recording, anchor_pings(submaps), dead_reckoning, config.do_no_harm)
         solution, fixes = solve_at_fixes(graph, seen, dead_reckoning, config)
     closures = decided(closures, solution)

@@ -12,6 +12,7 @@ from backend.dead_reckoning import DeadReckoning
 from backend.pose_graph import PoseGraphSolution
 from frontend.arrays import FloatArray
 from frontend.bottom import Bottom
+from frontend.comparison import Places
 from frontend.features import Features, describe
 from frontend.loop_closures import LoopClosure, compare_pairs, recognise_pairs
 from frontend.pairs import all_pairs
@@ -160,6 +161,7 @@ def close_loops(
     track: tuple[Trajectory, DeadReckoning],
     config: Config,
     watch: Watch,
+    places: Places | None = None,
 ) -> list[LoopClosure]:
     """Compare the submaps that may show the same place.
 
@@ -173,6 +175,8 @@ def close_loops(
         Gates and thresholds.
     watch : Watch
         Told of progress.
+    places : Places, optional
+        Made ready for comparing; they can be used again afterwards.
 
     Returns
     -------
@@ -183,7 +187,7 @@ def close_loops(
     prior = prior_covariance(submaps, dead_reckoning)
     in_gate, anywhere = all_pairs(submaps, features, trajectory_dr, prior, config.loop_closures.pairs)
     compared = chain(
-        compare_pairs(in_gate, submaps, features, prior, config.loop_closures),
+        compare_pairs(in_gate, submaps, features, prior, config.loop_closures, places),
         recognise_pairs(anywhere, submaps, features, prior, config.loop_closures),
     )
     return [next(compared) for _ in watch.track("loop closures", [*in_gate, *anywhere])]

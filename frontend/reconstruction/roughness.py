@@ -13,6 +13,7 @@ from frontend.reconstruction.solver import Solution, SolverConfig, minimise
 from frontend.reconstruction.unknowns import to_cosine
 
 _NO_OBJECTS = 1e-3  # of their height: for these looks there are no boulders, only relief that waves are to explain
+_LOOK_STEPS = 2  # of a look, at most; the next look goes on from there
 
 
 class RoughnessConfig(BaseModel):
@@ -83,7 +84,7 @@ def learn_roughness(
     config : RoughnessConfig
         How far to follow the window.
     solver : SolverConfig
-        When a look ends.
+        When a look ends: after two steps at most, each with half the products, for spectra ask for less than shapes.
     until : float
         Time of the monotonic clock at which to stop [s].
 
@@ -107,8 +108,10 @@ def learn_roughness(
     prior = replace(posterior.prior, object_height=_NO_OBJECTS * posterior.prior.object_height)
     first = looking = replace(posterior, prior=prior)
     roughness, x = Roughness(posterior.raster, np.ones(posterior.raster.shape)), posterior.origin()
+    brief = {"n_steps": min(_LOOK_STEPS, solver.n_steps), "n_products": max(1, solver.n_products // 2)}
+    look = solver.model_copy(update=brief)
     for _ in range(config.n_rounds):
-        solution = minimise(looking, x, solver, until)
+        solution = minimise(looking, x, look, until)
         roughness = Roughness(posterior.raster, _power(looking, solution, prior.background, config))
         looking, x = believing(first, roughness), solution.x
     return roughness
