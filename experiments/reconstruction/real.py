@@ -2,6 +2,7 @@
 
 import argparse
 import statistics
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "recorded_dives"))
+from river import fetch
 from rows import library_methods
 from scenes import data_folder
 from scipy.ndimage import label
@@ -30,6 +34,8 @@ from sssslam.evaluation.reconstruction import high_pass
 from sssslam.readers import read
 
 RECORDINGS = {"scotsman": "scotsman-iver2.xtf", "starfish": "starfish-iver2-barbados.logdoc"}
+RIVER = "river"  # Humminbird on a boat
+FETCHED = Path(__file__).parents[1] / "recorded_dives" / "out" / RIVER  # by either experiment
 TALLER_THAN_ALTITUDE = 1.0  # relief over altitude beyond which a reconstruction has diverged
 
 
@@ -117,6 +123,11 @@ def _longest_run(dark: FloatArray) -> tuple[int, int]:
     return int(inside[0]), int(inside[-1]) + 1
 
 
+def path_of(name: str, river: Path) -> Path:
+    """The file of a recording; the river's is fetched into a folder."""
+    return fetch(river) if name == RIVER else data_folder() / "recordings" / RECORDINGS[name]
+
+
 def draw(shown: Sequence[Shown], path: Path) -> None:
     """The middle submap of every method."""
     figure, axes = plt.subplots(1, len(shown), figsize=(3.6 * len(shown), 4), squeeze=False)
@@ -137,7 +148,8 @@ def main() -> None:
     """Print the table and draw a figure a recording; also Scotsman with its pitch taken for zero."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--methods", nargs="+", choices=library_methods(), default=library_methods())
-    parser.add_argument("--recordings", nargs="+", choices=RECORDINGS, default=list(RECORDINGS))
+    parser.add_argument("--recordings", nargs="+", choices=[*RECORDINGS, RIVER], default=[*RECORDINGS, RIVER])
+    parser.add_argument("--river", type=Path, default=FETCHED, help="Where it is kept.")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "out")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -147,7 +159,7 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|---|")
     for name in arguments.recordings:
         try:
-            recording = read(data_folder() / "recordings" / RECORDINGS[name])
+            recording = read(path_of(name, arguments.river))
         except (ValueError, OSError) as error:
             print(f"{name} skipped: {error}")
             continue
