@@ -92,35 +92,48 @@ def draw_surfaces(grids: Mapping[str, Heightfield], path: Path) -> None:
 
 
 def draw_summary(rows: Sequence[Mapping[str, str | float]], path: Path) -> None:
-    """Four columns of the table, a group of bars a case."""
-    methods = list(dict.fromkeys(str(row["method"]) for row in rows))
-    cases = list(dict.fromkeys(f"{row['scene']} {row['motion']} {row['passes']}" for row in rows))
+    """Four columns of the table: a panel a scene, motions and passes beside each other, a mark a method."""
+    scenes, courses, methods = (list(dict.fromkeys(name(row) for row in rows)) for name in (_scene, _course, _method))
     shown = {
-        "rmse_over_relief": "RMSE without plane [% of relief]",
-        "correlation_20m": "correlation below 20 m",
-        "slope_correlation_across": "correlation of slopes across",
-        "slope_correlation_along": "correlation of slopes along",
+        "rmse_over_relief": "RMSE without plane\n[% of relief]",
+        "correlation_20m": "correlation\nbelow 20 m",
+        "slope_correlation_across": "correlation of\nslopes across",
+        "slope_correlation_along": "correlation of\nslopes along",
     }
-    figure, axes = plt.subplots(len(shown), 1, figsize=(max(7.0, 1.1 * len(cases)), 11), sharex=True)
-    for panel, (name, label) in zip(axes, shown.items(), strict=True):
-        for k, method in enumerate(methods):
-            values = [_median(rows, (case, method), name) for case in cases]
-            place = np.arange(len(cases)) + 0.8 * (k - 0.5 * (len(methods) - 1)) / len(methods)
-            panel.bar(place, values, 0.8 / len(methods), label=method)
-        panel.set_ylabel(label)
-    axes[0].axhline(100, color="k", lw=0.5)
-    axes[0].set_ylim(0, 250)
-    axes[0].legend(ncols=len(methods), fontsize="small")
-    axes[-1].set_xticks(range(len(cases)), cases, rotation=60, ha="right", fontsize="small")
-    _save(figure, path)
+    size = (2.0 + 0.3 * len(scenes) * (len(courses) + 1), 9)
+    figure, axes = plt.subplots(len(shown), len(scenes), figsize=size, sharex=True, sharey="row", squeeze=False)
+    for line, (name, label) in zip(axes, shown.items(), strict=True):
+        for panel, scene in zip(line, scenes, strict=True):
+            for mark, method in zip("_|v^so*", methods, strict=False):
+                values = [_median(rows, (scene, course, method), name) for course in courses]
+                panel.plot(range(len(courses)), values, mark, ms=6, label=method)
+            panel.grid(axis="y", lw=0.3)
+        line[0].set_ylabel(label)
+    for panel, scene in zip(axes[0], scenes, strict=True):
+        panel.set(title=scene, ylim=(0, 250))
+        panel.axhline(100, color="k", lw=0.5)
+    for panel in axes[-1]:
+        panel.set_xticks(range(len(courses)), courses, rotation=70, ha="right", fontsize="small")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), ncols=len(methods), loc="lower center")
+    figure.subplots_adjust(left=0.9 / size[0], right=1 - 0.2 / size[0], top=0.95, bottom=0.16, wspace=0.06, hspace=0.1)
+    figure.savefig(path, dpi=_DPI, pil_kwargs={"quality": 85})
+    plt.close(figure)
 
 
-def _median(rows: Sequence[Mapping[str, str | float]], key: tuple[str, str], name: str) -> float:
-    chosen = [
-        float(row[name])
-        for row in rows
-        if (f"{row['scene']} {row['motion']} {row['passes']}", str(row["method"])) == key
-    ]
+def _scene(row: Mapping[str, str | float]) -> str:
+    return str(row["scene"])
+
+
+def _course(row: Mapping[str, str | float]) -> str:
+    return f"{row['motion']} {row['passes']}"
+
+
+def _method(row: Mapping[str, str | float]) -> str:
+    return str(row["method"])
+
+
+def _median(rows: Sequence[Mapping[str, str | float]], key: tuple[str, str, str], name: str) -> float:
+    chosen = [float(row[name]) for row in rows if (_scene(row), _course(row), _method(row)) == key]
     return statistics.median(chosen) if chosen else float("nan")
 
 
