@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from frontend.comparison import Places
 from frontend.frames import invert, planar_parameters, planar_pose
 from frontend.loop_closures import LoopClosureConfig
 from sssslam.map_agreement import MapAgreement
@@ -30,3 +31,12 @@ def test_maps_agree_at_the_true_place_and_not_beside_it(submaps):
 
 def test_maps_that_do_not_overlap_have_no_agreement(submaps):
     assert np.isnan(MapAgreement(submaps, LoopClosureConfig())(0, 1, planar_pose(500.0, 0.0, 0.0)))
+
+
+def test_what_the_front_end_has_made_ready_gives_the_same_agreement(submaps, monkeypatch):
+    config, between = LoopClosureConfig(), bodies(submaps, RELATIVE)
+    places = Places(submaps, config.relief, config.search)
+    places.sides(0, 1)
+    expected = MapAgreement(submaps, config)(0, 1, between)
+    monkeypatch.setattr("frontend.comparison.extract_relief", None)  # nothing is worked out again
+    assert MapAgreement(submaps, config, places)(0, 1, between) == expected
