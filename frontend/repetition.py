@@ -15,7 +15,7 @@ _N_PASSES = 2  # what the gaps and rims of a raster spread of tall waves is less
 _EXCESS = 2.0  # times the usual power of its wavelength that is left to a direction; chance hardly makes more
 
 
-class Rings(NamedTuple):
+class _Rings(NamedTuple):
     """Coefficients of a transform by their wavenumber: each one's ring, their order by ring, where each ring begins."""
 
     number: IntArray
@@ -51,7 +51,7 @@ def without_repetition(values: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray(rest)
 
 
-def _evened(values: FloatArray, rings: Rings) -> FloatArray:
+def _evened(values: FloatArray, rings: _Rings) -> FloatArray:
     """A raster, the power of each coefficient of its padded transform limited by that of its ring."""
     shape = rings.number.shape
     spectrum = fft2(values, shape)
@@ -63,11 +63,11 @@ def _evened(values: FloatArray, rings: Rings) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def _rings(n_y: int, n_x: int, n: int) -> Rings:
+def _rings(n_y: int, n_x: int, n: int) -> _Rings:
     """The rings of wavenumbers of a transform of (n_y, n_x) coefficients, each one wave in n cells wide."""
     number = np.rint(n * np.hypot(fftfreq(n_y)[:, None], fftfreq(n_x)[None, :])).astype(np.int64)
     ends = np.cumsum(np.bincount(number.ravel()))
-    return Rings(number, np.argsort(number, axis=None, kind="stable"), np.concatenate([[0], ends]))
+    return _Rings(number, np.argsort(number, axis=None, kind="stable"), np.concatenate([[0], ends]))
 
 
 @numba.njit(cache=True, nogil=True)
